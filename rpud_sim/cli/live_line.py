@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import columns, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.ros.drill.report import Report
+    from rpud_sim.ros.drill.health import Report
     from rpud_sim.simulation.faults import FaultRecord
     from rpud_sim.simulation.statistics import Figures
 

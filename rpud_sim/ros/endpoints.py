@@ -27,20 +27,20 @@ _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from lo
 
 
 @dataclass
-class Outlet:
+class AcknowledgedPublisher:
     """Publisher of a topic, and how far it may run ahead of reliable subscribers."""
 
     publisher: Publisher
     send: Callable[[bytes], object]
     depth: float  # messages that it keeps; infinite where one may be overwritten
-    room: float  # messages that may follow before a wait
+    left: float  # messages that may follow before a wait
 
     def acknowledged(self, seconds: float = 0.0) -> bool:
         """Wait until reliable subscribers have all messages; return whether they have."""
         return bool(self.publisher.wait_for_all_acked(Duration(seconds=seconds)))
 
 
-class Outlets(dict[str, Outlet]):
+class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
     """Publishers by topic; messages in a hurry wait for reliable subscribers.
 
     The middleware overwrites the oldest message when the depth of a publisher is used up, whether
@@ -51,11 +51,11 @@ class Outlets(dict[str, Outlet]):
         super().__init__()
         self._longest = longest
 
-    def add(self, name: str, publisher: Publisher, depth: float) -> Outlet:
+    def add(self, name: str, publisher: Publisher, depth: float) -> AcknowledgedPublisher:
         # Without the checks of rclpy: they take a fifth of the time of each message.
         send = publisher.handle.publish_raw
-        self[name] = outlet = Outlet(publisher, send, depth, depth)
-        return outlet
+        self[name] = added = AcknowledgedPublisher(publisher, send, depth, depth)
+        return added
 
     @property
     def subscribers(self) -> dict[str, int]:
@@ -63,17 +63,17 @@ class Outlets(dict[str, Outlet]):
         return {name: each.publisher.get_subscription_count() for name, each in self.items()}
 
     @property
-    def unheard(self) -> list[str]:
+    def unsubscribed(self) -> list[str]:
         """Topics without a subscriber."""
         return [name for name, count in self.subscribers.items() if not count]
 
     def send(self, name: str, message: bytes, *, hurried: bool) -> None:
         """Publish a message; one that is ``hurried`` lets none be overwritten."""
-        outlet = self[name]
-        outlet.send(message)
+        publisher = self[name]
+        publisher.send(message)
         # If its time has paced it, some of those before it may be unacknowledged all the same.
-        outlet.room = outlet.room - 1 if hurried else outlet.depth / 2
-        if outlet.room <= 0:
+        publisher.left = publisher.left - 1 if hurried else publisher.depth / 2
+        if publisher.left <= 0:
             # For all at once: waiting for the subscribers of one topic takes as long. All of the
             # depth is used the next time: Fast DDS asks for acknowledgement at once where it is,
             # and otherwise at every heartbeat.
@@ -83,9 +83,9 @@ class Outlets(dict[str, Outlet]):
         """Wait until reliable subscribers have all messages; return topics where some lack."""
         deadline = time.monotonic() + seconds
         lacking = []
-        for name, outlet in self.items():
-            outlet.room = outlet.depth
-            if not outlet.acknowledged(max(0.0, deadline - time.monotonic())):
+        for name, publisher in self.items():
+            publisher.left = publisher.depth
+            if not publisher.acknowledged(max(0.0, deadline - time.monotonic())):
                 lacking.append(name)
         return lacking
 

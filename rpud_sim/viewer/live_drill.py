@@ -186,7 +186,7 @@ class LiveDrill:
 
     def _latched(self, topic: str, message: Any) -> None:
         if topic == "command_results":
-            for result in message.results[message.former :]:
+            for result in message.results[message.repeated :]:
                 if not result.accepted:
                     with self._lock:
                         self._heard.refuse(plain_refusal(result.reason))

@@ -128,7 +128,7 @@ def test_a_publisher_knows_what_became_of_its_commands_by_their_stamps(drill):
     assert said[3] == ("weight_on_bit", True, "")
     assert said[2] == ("weight_on_bit", False, RANGE.format(-1))
     assert ("drive", True, "") in said.values()
-    assert latest[-1].former == len(latest[-1].results) - 1
+    assert latest[-1].repeated == len(latest[-1].results) - 1
     drill.node.destroy_publisher(given)
 
 

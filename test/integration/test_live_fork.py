@@ -6,14 +6,14 @@ import pytest
 from drill_client import Client, nanoseconds, stamps
 from rpud_msgs.msg import Result, WeightOnBit
 from rpud_msgs.srv import ResetSimulation
+from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.recorded.verify.verification import verify
 from sample_bags import write_offline_bag
 from support import Process
 
 import rpud_sim.bag
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.recorded.offline_bag import write_fork
-from rpud_sim.recorded.recorded_journal import installed_codec
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import TOPICS

@@ -16,7 +16,7 @@ from rclpy.qos import (
 
 from rpud_sim.bag.metadata import INFINITE
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.endpoints import Outlets, is_satisfied, request_for
+from rpud_sim.ros.endpoints import AcknowledgedPublishers, is_satisfied, request_for
 from rpud_sim.ros.record.recorded_topic import recorded_profile
 from rpud_sim.ros.replay.replayer import replay_offer
 
@@ -36,38 +36,38 @@ class Publisher:
 @pytest.fixture
 def made():
     publishers = {"few": Publisher(), "many": Publisher(), "lost": Publisher(answers=False)}
-    outlets = Outlets(0.0)
+    sent = AcknowledgedPublishers(0.0)
     for name, depth in (("few", 4), ("many", 100), ("lost", inf)):
-        outlets.add(name, publishers[name], depth)
-    return outlets, publishers
+        sent.add(name, publishers[name], depth)
+    return sent, publishers
 
 
-def send(outlets, name, count, hurried=True):
+def send(sent, name, count, hurried=True):
     for _ in range(count):
-        outlets.send(name, b"", hurried=hurried)
+        sent.send(name, b"", hurried=hurried)
 
 
 def test_a_hurry_waits_for_the_subscribers_of_all_topics_when_a_depth_is_used_up(made):
-    outlets, publishers = made
-    send(outlets, "many", 99)
-    send(outlets, "few", 9)
-    send(outlets, "many", 99)
+    sent, publishers = made
+    send(sent, "many", 99)
+    send(sent, "few", 9)
+    send(sent, "many", 99)
     assert publishers["few"].asked == [4, 8]
     assert publishers["many"].asked == [99, 99]
-    assert outlets.wait(0.0) == ["lost"]
+    assert sent.wait(0.0) == ["lost"]
 
 
 def test_what_its_time_paces_leaves_half_of_the_depth_for_a_hurry(made):
-    outlets, publishers = made
-    send(outlets, "few", 50, hurried=False)
+    sent, publishers = made
+    send(sent, "few", 50, hurried=False)
     assert publishers["few"].asked == []
-    send(outlets, "few", 3)
+    send(sent, "few", 3)
     assert publishers["few"].asked == [52]
 
 
 def test_where_a_message_may_be_overwritten_nothing_waits(made):
-    outlets, publishers = made
-    send(outlets, "lost", 1000)
+    sent, publishers = made
+    send(sent, "lost", 1000)
     assert publishers["lost"].asked == []
 
 

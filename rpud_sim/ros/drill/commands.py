@@ -1,4 +1,4 @@
-"""Commands to the drill: heard, checked once, queued until a block ends, and their results."""
+"""Commands to the drill: checked once, queued until a block ends, and their results."""
 
 from __future__ import annotations
 
@@ -23,13 +23,15 @@ from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.threads import DelayHistogram
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
-from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, Fields
+from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT, time_fields
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME, Fields
 
 COMMAND_QOS = QoSProfile(depth=1000)  # reliable
 
@@ -198,11 +200,28 @@ class Inbox:
         with self._counting:
             if not (self._results or self._results_changed):
                 return None
-            former, found = list(self._latest.values()), list(self._results)
-            self._latest.update({(each["kind"], each["accepted"]): each for each in found})
+            repeated, new = list(self._latest.values()), list(self._results)
+            self._latest.update({(each["kind"], each["accepted"]): each for each in new})
             self._results.clear()
             self._results_changed = False
-            return former, found
+            return repeated, new
+
+    def publish_results(self, publishers: DrillPublishers, stamp: int) -> None:
+        """Publish the results since the last call, with the number of the status that shows them.
+
+        A late subscriber gets the last message: those that were accepted and refused last come
+        first in it.
+        """
+        if (results := self.take_results()) is None:
+            return
+        repeated, new = results
+        message = {
+            "header": {"stamp": time_fields(stamp), "frame_id": MOUNT_FRAME},
+            "results": [*repeated, *new],
+            "repeated": len(repeated),
+            "status": publishers.published["status"],
+        }
+        publishers.publish([Batch.of(stamp, RESULTS, message)])
 
     def _log(self, what: str, reason: str) -> None:
         self.last_refusal = reason

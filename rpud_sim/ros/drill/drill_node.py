@@ -19,21 +19,24 @@ from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.commands import CommandTopic, Inbox
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
-from rpud_sim.ros.drill.live_run import LiveRun
-from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
+from rpud_sim.ros.drill.health import REPORT_PERIOD, Report
+from rpud_sim.ros.drill.managed_node import (
+    DrillParameters,
+    DuplicateNodes,
+    ManagedNode,
+    NameHold,
+    log_exceptions,
+)
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
-from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
-from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
-from rpud_sim.ros.drill.standard_services import StandardServer
+from rpud_sim.ros.drill.services import DeliveryServer, DrillServices, offer_standard_services
+from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.process import StartError, StopRequest, limit_end, limited_end, running_ros
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.rerun import Start
+from rpud_sim.simulation.plan import Start
 from rpud_sim.simulation.scenario_file import scenario_of
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
@@ -68,16 +71,15 @@ class DrillNode(ManagedNode):
         self._start = start
         self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)
         scenario_of(self.settings)  # a file that is missing ends the start, not the activation
-        begin = start.run.time if start else 0
+        begin = start.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
-        self._namesakes = DuplicateNodes(self)
+        self._duplicates = DuplicateNodes(self)
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
         for topic in ALL_COMMAND_TOPICS:
             CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
         services = DrillServices(self, self.loop, lambda: self.settings)
-        if standard_services.INSTALLED:
-            StandardServer(self, services)
+        offer_standard_services(self, services)
         DeliveryServer(self, self.loop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
@@ -89,22 +91,22 @@ class DrillNode(ManagedNode):
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return live.reporter.last if (live := self.loop.live) else None
+        return session.reporter.last if (session := self.loop.session) else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return live.reporter.totals if (live := self.loop.live) else Statistics()
+        return session.reporter.totals if (session := self.loop.session) else Statistics()
 
     @property
     def faults(self) -> tuple[FaultRecord, ...]:
         """Faults since the start; to be read when it has stopped."""
-        return live.run.simulation.faults.records if (live := self.loop.begun) else ()
+        return session.run.simulation.faults.records if (session := self.loop.started) else ()
 
     @property
     def sent(self) -> Mapping[str, int]:
         """Messages of each topic of its namespace, by absolute name, since ``await_recorder``."""
-        published = live.publishers.published if (live := self.loop.live) else {}
+        published = session.publishers.published if (session := self.loop.session) else {}
         return {
             self.resolve_topic_name(name): count - self._unrecorded.get(name, 0)
             for name, count in published.items()
@@ -112,20 +114,20 @@ class DrillNode(ManagedNode):
 
     def await_recorder(self, stop: StopRequest) -> None:
         """Wait until every topic has a subscriber, log which have none, and publish all of them."""
-        if (live := self.loop.live) is None:
+        if (session := self.loop.session) is None:
             return
-        publishers, end = live.publishers, time.monotonic() + _DISCOVERY_TIME
-        outlets = publishers.outlets
-        while (unheard := outlets.unheard) and time.monotonic() < end and not stop.wait(0.01):
+        publishers, end = session.publishers, time.monotonic() + _DISCOVERY_TIME
+        own = publishers.own
+        while (unsubscribed := own.unsubscribed) and time.monotonic() < end and not stop.wait(0.01):
             pass
-        if unheard and not stop.requested:
-            self.get_logger().warning(f"not heard by the recorder: {', '.join(unheard)}")
+        if unsubscribed and not stop.requested:
+            self.get_logger().warning(f"not subscribed by the recorder: {', '.join(unsubscribed)}")
         publishers.complete = True
         self._unrecorded = publishers.published
 
     def prepare(self) -> None:
         """Configure, with ``autostart`` and unless it has: its topics are there then."""
-        if self.settings.autostart and self.loop.live is None:
+        if self.settings.autostart and self.loop.session is None:
             _complete(self.trigger_configure)
 
     def start(self) -> None:
@@ -143,11 +145,11 @@ class DrillNode(ManagedNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
-        live = LiveRun(
-            *(self, self.settings, self._inbox, self._namesakes, self._drill_parameters.restore),
+        session = Session(
+            *(self, self.settings, self._inbox, self._duplicates, self._drill_parameters.restore),
             *(self._end, self._start),
         )
-        self.loop.configure(live)
+        self.loop.configure(session)
         # A garbage collection of all that lives by now would make blocks late.
         gc.collect()
         gc.freeze()
@@ -156,7 +158,7 @@ class DrillNode(ManagedNode):
     @log_exceptions
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let commands act; simulation time begins, if this is the first time."""
-        if self.loop.begun is None:
+        if self.loop.started is None:
             self.loop.start(self.settings)
         else:
             self._let_commands_act(True)
@@ -190,37 +192,37 @@ class DrillNode(ManagedNode):
 
     def destroy_node(self) -> None:
         """Destroy the node; another process of this machine may have its name then."""
-        self._namesakes.close()
+        self._duplicates.close()
         super().destroy_node()
 
     def refuse_request(self, reason: str) -> None:
         self._inbox.refuse_request(reason)
 
     def _let_commands_act(self, active: bool) -> None:
-        self.loop.request(lambda live: live.activate(active))
+        self.loop.request(lambda session: session.activate(active))
 
     def _report_before_start(self) -> None:
-        if (live := self.loop.live) is None:
-            self._namesakes.count()
-        elif self.loop.begun is None:
-            live.announce()
+        if (session := self.loop.session) is None:
+            self._duplicates.count()
+        elif self.loop.started is None:
+            session.announce()
 
     def _now(self) -> int:
-        if self.settings.publish_clock and (live := self.loop.live) is not None:
-            return live.stamp
+        if self.settings.publish_clock and (session := self.loop.session) is not None:
+            return session.stamp
         return int(self.get_clock().now().nanoseconds)
 
     def _fixed(self) -> str:
         """Return why parameters that are not changeable cannot be set now; empty if they can."""
         if self._start is not None:
             return "is read-only in a fork"
-        return "is read-only until the drill is cleaned up" if self.loop.live else ""
+        return "is read-only until the drill is cleaned up" if self.loop.session else ""
 
     def _apply_settings(self, settings: Settings) -> None:
-        if (live := self.loop.begun) is not None and live.settings != settings:
+        if (session := self.loop.started) is not None and session.settings != settings:
             with contextlib.suppress(StoppedError):  # there is nothing left to change
                 # By then the settings may be later ones, of a reset.
-                self.loop.request(lambda live: live.configure(self.settings))
+                self.loop.request(lambda session: session.configure(self.settings))
 
 
 def _complete(trigger: Callable[[], TransitionCallbackReturn]) -> None:

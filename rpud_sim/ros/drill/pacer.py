@@ -1,15 +1,10 @@
-"""Time of the drill: its source, and absolute deadlines of blocks on it."""
+"""Absolute deadlines of blocks."""
 
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable
-
-from rclpy.clock import JumpThreshold, ROSClock, TimeJump
-from rclpy.duration import Duration
-from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.threads import DelayHistogram
@@ -18,63 +13,6 @@ from rpud_sim.simulation.topics import Fields
 # A block is computed this long before its deadline, or right after the block before [s]. Requests
 # and parameters wait for its end from then on: with a longer lead services would answer late.
 LEAD = 0.01
-
-
-class TimeSource:
-    """Clock that gives simulation time zero its stamp, and what comes after it a schedule.
-
-    The node's clock follows ``/clock`` with its parameter ``use_sim_time``. With ``publishes`` the
-    node itself is the source of ``/clock``. ``notify`` is called when another's ``/clock`` moves.
-    """
-
-    def __init__(
-        self, node: Node, publishes: bool, notify: Callable[[], None] = lambda: None
-    ) -> None:
-        self._clock = node.get_clock()
-        self._logger = node.get_logger()
-        self._publishes = publishes
-        self._notify = notify
-        simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
-        # Whether the time is that of another source of ``/clock``.
-        self.follows = simulated and not publishes
-        # The time that a schedule follows [ns]; None for the monotonic clock.
-        self.schedule = self._now if self.follows else None
-        self.went_back = False  # whether another's ``/clock`` did, since the latest origin
-        self._jumps = None
-        if self.follows:
-            every = JumpThreshold(
-                min_forward=Duration(nanoseconds=1),
-                min_backward=Duration(nanoseconds=-1),
-                on_clock_change=False,
-            )
-            self._jumps = self._clock.create_jump_callback(every, post_callback=self._on_jump)
-
-    def wait(self, stop: threading.Event, serve: Callable[[], None]) -> None:
-        """Wait until there is a time; ``serve`` is called again and again meanwhile."""
-        if self.follows and self._now() == 0:
-            self._logger.info("waiting for /clock, as use_sim_time is set")
-            while self._now() == 0 and not stop.wait(0.01):
-                serve()
-
-    def origin(self, time: int = 0, own: int = 0) -> int:
-        """Return the stamp of simulation time zero if a simulation time is now [ns].
-
-        It is ``own`` where the node is the source.
-        """
-        self.went_back = False
-        return own if self._publishes else self._now() - time
-
-    def close(self) -> None:
-        if self._jumps is not None:
-            self._jumps.unregister()
-            self._jumps = None
-
-    def _now(self) -> int:
-        return int(self._clock.now().nanoseconds)
-
-    def _on_jump(self, jump: TimeJump) -> None:
-        self.went_back |= jump.delta.nanoseconds < 0
-        self._notify()
 
 
 class Pacer:

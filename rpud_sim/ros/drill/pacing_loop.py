@@ -1,4 +1,4 @@
-"""Pacing loop: the one thread that moves the live run, or changes it."""
+"""Pacing loop: the one thread that moves the session, or changes it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rpud_sim.ros.drill.live_run import LiveRun
+from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.threads import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
@@ -17,11 +17,41 @@ _LAST_RESPONSE = 1.0  # for the response to a client that ends the process, to a
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
 
+def take_turn(session: Session) -> float:
+    """Do what is due now; return for how long nothing more is due [s].
+
+    Blocks are computed ahead of their deadlines and published at them. Waveform, trajectory and
+    diagnostics have no deadline: they are published between deadlines. Commands act at the end of
+    the block in which they arrive.
+    """
+    timeline, pacer = session.timeline, session.timeline.pacer
+    session.follow_clock()
+    if timeline.standing:
+        session.act()
+        session.report_if_due()
+        return session.publish_clock_at_standstill()
+    until = session.block_end
+    if timeline.playing and (idle := pacer.idle(until)) > 0.0:
+        session.report_if_due()
+        session.publish_deferred(until)
+        return idle
+    messages, impacts = session.advance(until)
+    if pacer.ahead:
+        session.publish_deferred(until)
+    pacer.wait(until)
+    session.publish(messages, impacts)
+    session.act()
+    if not pacer.ahead:
+        session.publish_deferred()
+    session.report_if_due()
+    return 0.0
+
+
 class PacingLoop:
-    """Thread of a live run, from ``start`` to the end of the run or ``clean_up``."""
+    """Thread of a session, from ``start`` to the end of its run or ``clean_up``."""
 
     def __init__(self) -> None:
-        self.live: LiveRun | None = None  # from the node's configuration to its clean-up
+        self.session: Session | None = None  # from the node's configuration to its clean-up
         self.failure: BaseException | None = None  # error that ended the thread
         self._thread: threading.Thread | None = None
         self._waking = threading.Event()
@@ -32,35 +62,35 @@ class PacingLoop:
         self._quit_at = math.inf
 
     @property
-    def begun(self) -> LiveRun | None:
-        """Live run, to be read; None until it has begun."""
-        return self.live if self._thread is not None else None
+    def started(self) -> Session | None:
+        """Session, to be read; None until it has begun."""
+        return self.session if self._thread is not None else None
 
     @property
     def finished(self) -> bool:
         """Whether the process is to end: the drill has ended by itself, or ``quit`` is done."""
         return self._finished.is_set() or time.monotonic() >= self._quit_at
 
-    def configure(self, live: LiveRun) -> None:
-        """Take a live run, which nothing moves yet."""
-        self.live = live
+    def configure(self, session: Session) -> None:
+        """Take a session, which nothing moves yet."""
+        self.session = session
         self._stop.clear()
-        live.announce()
+        session.announce()
 
     def start(self, settings: Settings) -> None:
         """Begin, active, with settings that may have changed: simulation time zero is now."""
-        assert self.live is not None  # an inactive node is configured
-        self.live.begin(settings)
+        assert self.session is not None  # an inactive node is configured
+        self.session.begin(settings)
         self._requests = Requests(self.wake)
-        arguments = (self.live, self._requests)
+        arguments = (self.session, self._requests)
         self._thread = threading.Thread(target=self._run, args=arguments, name="pacing")
         self._thread.start()
 
-    def request(self, action: Callable[[LiveRun], Any]) -> Any:
+    def request(self, action: Callable[[Session], Any]) -> Any:
         """Have something done between two blocks; see ``Requests.do``."""
-        if (live := self.begun) is None:
+        if (session := self.started) is None:
             raise StoppedError("the node has not been activated")
-        return self._requests.do(lambda: action(live))
+        return self._requests.do(lambda: action(session))
 
     def quit(self) -> None:
         """End the drilling now, at a client's request, and the process a little later.
@@ -76,34 +106,34 @@ class PacingLoop:
         self._end()
         if self._thread is not None:
             self._thread.join()
-        if self.live is not None:
-            self.live.publishers.outlets.wait(_ACKNOWLEDGEMENT)
+        if self.session is not None:
+            self.session.publishers.own.wait(_ACKNOWLEDGEMENT)
 
     def clean_up(self) -> None:
-        """Stop, and give up the live run."""
+        """Stop, and give up the session."""
         self.stop()
-        live, self.live, self._thread = self.live, None, None
-        if live is not None:
-            live.close()
+        session, self.session, self._thread = self.session, None, None
+        if session is not None:
+            session.close()
 
     def _end(self) -> None:
         self._stop.set()
         self.wake()
 
-    def _run(self, live: LiveRun, requests: Requests) -> None:
+    def _run(self, session: Session, requests: Requests) -> None:
         # Any error must end the process too, or it would go on in silence.
         try:
-            live.start_time(self._stop, requests.serve)
-            while not (self._stop.is_set() or live.finished):
+            session.start_time(self._stop, requests.serve)
+            while not (self._stop.is_set() or session.finished):
                 requests.serve()
-                if (idle := live.turn()) > 0.0:
+                if (idle := take_turn(session)) > 0.0:
                     self._waking.wait(min(idle, _LONGEST_WAIT))
                     self._waking.clear()
-            live.finish()
+            session.finish()
         except Exception as error:
             self.failure = error
         finally:
             if not self._stop.is_set():
                 self._finished.set()
-            live.interrupt("the drill has stopped")
+            session.timeline.interrupt("the drill has stopped")
             requests.close()

@@ -1,8 +1,12 @@
-"""Publishers of the drill node: one for each topic, of messages as plain fields."""
+"""Publishers of the drill node: one for each topic; and what it keeps of its journal."""
 
 from __future__ import annotations
 
 import math
+import threading
+import time
+import zlib
+from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -12,12 +16,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.encoder import Encoder
-from rpud_sim.ros.drill.journal_store import JournalStore
-from rpud_sim.ros.endpoints import Outlets
+from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import members_of, message_class
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
-from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields
+from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
 Encoded = tuple[str, bytes]  # topic and serialized message
 
@@ -32,6 +36,11 @@ CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complet
 # That a simulation which nothing paces waits for a subscriber that does not answer [s].
 _LONGEST_WAIT = 1.0
 _STATUS_WAIT = 0.5  # for those that lack the last status [s]
+
+MOST = 1_000_000  # entries that are kept at least, about 15 MB
+_PAGE = 500  # entries that are compressed, and returned, together
+
+Entries = list[tuple[int, bytes]]  # publishing times [ns since the epoch], and serialized entries
 
 
 def nanoseconds_to_time(nanoseconds: int) -> Time:
@@ -57,19 +66,20 @@ class DrillPublishers:
         self._deferred: deque[Stream] = deque()  # messages without a deadline, not published yet
         self._wanted = set[str]()  # topics that have had a subscriber
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
-        self.outlets = Outlets(_LONGEST_WAIT)  # of the topics that a simulation has
-        self._others = Outlets(_LONGEST_WAIT)
+        # Of the topics that a simulation has, and of the others.
+        self.own = AcknowledgedPublishers(_LONGEST_WAIT)
+        self._others = AcknowledgedPublishers(_LONGEST_WAIT)
         self.journal = JournalStore()
         self._encoders: dict[str, Encoder] = {}
         others = {**OF_NODE, **({"/clock": CLOCK} if publish_clock else {})}
-        for outlets, topics in (self.outlets, offered), (self._others, others):
+        for publishers, topics in (self.own, offered), (self._others, others):
             for name, topic in topics.items():
                 kind = message_class(topic.type)
                 self._encoders[name] = Encoder(members_of(kind))
                 publisher = node.create_publisher(kind, name, _qos_of(topic))
-                outlet = outlets.add(name, publisher, topic.depth if topic.complete else math.inf)
+                added = publishers.add(name, publisher, topic.depth if topic.complete else math.inf)
                 if name == "journal":
-                    outlet.send = partial(self._send_entry, outlet.send)
+                    added.send = partial(self._send_entry, added.send)
 
     @property
     def published(self) -> Mapping[str, int]:
@@ -77,7 +87,7 @@ class DrillPublishers:
 
         The middleware numbers messages alike: a subscriber can tell what it still lacks.
         """
-        return {name: self._published[name] for name in self.outlets}
+        return {name: self._published[name] for name in self.own}
 
     def wanted(self, topic: str) -> bool:
         """Return whether to publish a topic: it has had a subscriber, or all are complete.
@@ -85,21 +95,24 @@ class DrillPublishers:
         A subscriber that stood still is dropped. The numbers of the messages tell it what it lost,
         so they are published meanwhile.
         """
-        if topic not in self._wanted and self.outlets[topic].publisher.get_subscription_count():
+        if topic not in self._wanted and self.own[topic].publisher.get_subscription_count():
             self._wanted.add(topic)
         return self.complete or topic in self._wanted
 
-    def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
-        """Serialize messages: ``(time, topic, fields)`` as a run yields them."""
-        return [(name, self._encoders[name].encode(values)) for _, name, values in entries]
+    def encode(self, batches: Iterable[Batch]) -> list[Encoded]:
+        return [
+            (batch.topic, self._encoders[batch.topic].encode(batch.row(number)))
+            for batch in batches
+            for number in range(len(batch))
+        ]
 
-    def publish(self, entries: Iterable[tuple[int, str, Fields]]) -> None:
+    def publish(self, batches: Iterable[Batch]) -> None:
         """Publish messages.
 
         All are serialized before the first one is sent: messages in quick succession find a
         subscriber awake, and waking one costs more than the rest of sending.
         """
-        self.send(self.encode(entries))
+        self.send(self.encode(batches))
 
     def send(self, messages: Iterable[Encoded]) -> None:
         for name, message in messages:
@@ -123,16 +136,16 @@ class DrillPublishers:
     def publish_clock(self, stamp: int) -> None:
         """Publish a time [ns] on ``/clock``, if the node is its source."""
         if "/clock" in self._encoders:
-            self.publish([(stamp, "/clock", {"clock": time_fields(stamp)})])
+            self._send("/clock", self._encoders["/clock"].encode({"clock": time_fields(stamp)}))
 
     def destroy(self) -> None:
-        for outlet in (*self.outlets.values(), *self._others.values()):
-            self._node.destroy_publisher(outlet.publisher)
+        for each in (*self.own.values(), *self._others.values()):
+            self._node.destroy_publisher(each.publisher)
 
     def _publish_part(self) -> None:
-        for entry in self._deferred[0]:
-            if entry is not None:
-                self.publish([entry])
+        for batch in self._deferred[0]:
+            if batch is not None:
+                self.publish([batch])
             return
         self._deferred.popleft()
 
@@ -146,9 +159,9 @@ class DrillPublishers:
                 # Else the next one would overwrite it: in steps two commands follow each other at
                 # once, and a test counts every status.
                 wait = _STATUS_WAIT if self._awaits_status else 0.0
-                self._awaits_status = self.outlets[name].acknowledged(wait)
-            outlets = self.outlets if name in self.outlets else self._others
-            outlets.send(name, message, hurried=self.patient)
+                self._awaits_status = self.own[name].acknowledged(wait)
+            publishers = self.own if name in self.own else self._others
+            publishers.send(name, message, hurried=self.patient)
             self._published[name] += 1
         except RuntimeError:  # RCLError: the middleware did not accept it
             self.dropped += 1
@@ -158,3 +171,60 @@ def _qos_of(topic: DrillTopic) -> QoSProfile:
     """Return the QoS that a topic is offered with; reliable serves best-effort subscribers too."""
     latched = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=topic.depth, durability=latched)
+
+
+class JournalStore:
+    """The newest entries of a journal as they were published, compressed in pages.
+
+    One thread adds; any may read.
+    """
+
+    def __init__(self, most: int = MOST) -> None:
+        self.count = 0  # entries so far
+        self._lock = threading.Lock()
+        self._pages: deque[bytes] = deque(maxlen=most // _PAGE)
+        self._newest: Entries = []  # that are no page yet
+
+    @property
+    def first_kept(self) -> int:
+        """Number of the first entry that is still kept; those before were dropped."""
+        with self._lock:
+            return self._first_kept()
+
+    def add(self, entry: bytes) -> None:
+        """Add a serialized entry that is published now."""
+        with self._lock:
+            self._newest.append((time.time_ns(), entry))
+            self.count += 1
+            if len(self._newest) == _PAGE:
+                self._pages.append(_compressed(self._newest))
+                self._newest = []
+
+    def read(self, first: int) -> Entries:
+        """Return some entries from a number on, or from the first kept one if that is greater."""
+        with self._lock:
+            place = max(0, first - self._first_kept())
+            number, skipped = divmod(place, _PAGE)
+            if number >= len(self._pages):
+                return self._newest[place - len(self._pages) * _PAGE :]
+            page = self._pages[number]
+        return _entries(page)[skipped:]
+
+    def _first_kept(self) -> int:
+        return self.count - len(self._newest) - len(self._pages) * _PAGE
+
+
+def _compressed(entries: Entries) -> bytes:
+    times, data = zip(*entries, strict=True)
+    lengths = array("q", map(len, data))
+    return zlib.compress(b"".join((array("q", times), lengths, *data)), 1)
+
+
+def _entries(page: bytes) -> Entries:
+    content = zlib.decompress(page)
+    numbers = array("q", content[: 16 * _PAGE])
+    found, place = [], 16 * _PAGE
+    for published, length in zip(numbers[:_PAGE], numbers[_PAGE:], strict=True):
+        found.append((published, content[place : place + length]))
+        place += length
+    return found

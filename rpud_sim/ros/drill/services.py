@@ -1,4 +1,4 @@
-"""Services of the drill: faults, delivery, and simulation time."""
+"""Services of the drill: faults, journal, delivery and time, also as the standard has them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Fault as FaultMessage
@@ -29,17 +30,26 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.live_run import LONGEST_STEP, InterruptedStepError, LiveRun, Reached
 from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.publishers import nanoseconds_to_time
+from rpud_sim.ros.drill.session import Session
+from rpud_sim.ros.drill.timeline import LONGEST_STEP, InterruptedStepError, Reached
 from rpud_sim.ros.graph import DiscoveryProbe, filled
 from rpud_sim.ros.threads import StoppedError
+from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import fault_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, CHANNELS, TOPICS
+
+try:
+    from simulation_interfaces import srv as standard
+    from simulation_interfaces.msg import SimulatorFeatures
+
+except ImportError:
+    standard = None
 
 STOPPED = SimulationState.STATE_STOPPED
 PLAYING = SimulationState.STATE_PLAYING
@@ -124,8 +134,8 @@ class DrillServices:
         return response
 
     def _get_journal(self, request: GetJournal.Request, response: Any) -> Any:
-        if (live := self._loop.live) is not None:
-            journal = live.publishers.journal
+        if (session := self._loop.session) is not None:
+            journal = session.publishers.journal
             entries = journal.read(request.first)
             response.first_kept, response.count = journal.first_kept, journal.count
             response.entries = [deserialize_message(data, JournalEntry) for _, data in entries]
@@ -135,8 +145,8 @@ class DrillServices:
     # Faults.
 
     def _list_faults(self, request: ListFaults.Request, response: Any) -> Any:
-        def act(live: LiveRun) -> None:
-            simulation, origin = live.run.simulation, live.run.origin
+        def act(session: Session) -> None:
+            simulation, origin = session.run.simulation, session.run.origin
             response.faults = [
                 filled(FaultMessage(), fault_fields(record, origin))
                 for record in simulation.faults.active
@@ -150,28 +160,25 @@ class DrillServices:
         return response
 
     def _inject(self, request: InjectFault.Request, response: Any) -> None:
-        def act(live: LiveRun) -> None:
+        def act(session: Session) -> None:
             duration = join_seconds(request.duration.sec, request.duration.nanosec)
             if duration < 0:
                 raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
-            simulation = live.run.simulation
+            simulation = session.run.simulation
             response.number = simulation.inject(message_to_fault(request.fault), duration)
-            live.report()
+            session.report()
 
         self._loop.request(act)
 
     def _clear(self, request: ClearFault.Request, response: Any) -> None:
-        def act(live: LiveRun) -> None:
-            if request.number:
-                live.run.simulation.clear(request.number)
-            else:
-                live.run.simulation.clear_all()
-            live.report()
+        def act(session: Session) -> None:
+            session.run.simulation.clear(request.number)
+            session.report()
 
         self._loop.request(act)
 
     def _engage(self, request: SetBool.Request, response: Any) -> None:
-        if self._loop.live is None:
+        if self._loop.session is None:
             raise StoppedError("the node has not been configured")
         regime = "drilling" if request.data else "free"
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
@@ -182,12 +189,12 @@ class DrillServices:
 
     def controls_time(self) -> bool:
         """Return whether time can be paused and stepped: it follows no other ``/clock``."""
-        return (live := self._loop.begun) is None or not live.follows_clock
+        return (session := self._loop.started) is None or not session.timeline.source.follows
 
     def get_state(self, request: Any, response: Any) -> None:
         """Answer with the state."""
-        live = self._loop.begun
-        response.state.state = STOPPED if live is None else _state_of(live)
+        session = self._loop.started
+        response.state.state = STOPPED if session is None else _state_of(session)
 
     def set_state(self, request: Any, response: Any) -> None:
         """Play, pause, stop or quit."""
@@ -198,11 +205,12 @@ class DrillServices:
         if state not in (STOPPED, PLAYING, PAUSED):
             raise _unsupported(f"state {state} is unknown")
 
-        def act(live: LiveRun) -> None:
-            _check_own_time(live, "control")
-            if _state_of(live) == state and live.goal is None:
+        def act(session: Session) -> None:
+            _check_own_time(session, "control")
+            if _state_of(session) == state and session.timeline.goal is None:
                 raise RefusedRequestError(_ALREADY, "it is in that state already")
-            {STOPPED: live.halt, PLAYING: live.play, PAUSED: live.pause}[state]()
+            timeline = session.timeline
+            {STOPPED: session.halt, PLAYING: timeline.play, PAUSED: timeline.pause}[state]()
 
         self._loop.request(act)
 
@@ -215,30 +223,30 @@ class DrillServices:
             raise _unsupported(f"scope {scope} is unknown")
         time, state = bool(bits & scopes.SCOPE_TIME), bool(bits & scopes.SCOPE_STATE)
 
-        def act(live: LiveRun) -> None:
+        def act(session: Session) -> None:
             if time:
-                _check_own_time(live, "reset")
+                _check_own_time(session, "reset")
             if bits & scopes.SCOPE_SPAWNED and not state:
-                live.run.simulation.clear_all()
-                live.report()
-            live.reset(time=time, state=state, seed=seed)
+                session.run.simulation.clear()
+                session.report()
+            session.reset(time=time, state=state, seed=seed)
 
         self._loop.request(act)
 
-    def step_until(self, until_of: Callable[[LiveRun], int]) -> Reached:
+    def step_until(self, until_of: Callable[[Session], int]) -> Reached:
         """Step to the simulation time [ns] that ``until_of`` returns between two blocks.
 
         A step that ends before its time is an InterruptedStepError.
         """
 
-        def begin(live: LiveRun) -> Any:
-            _check_own_time(live, "step")
-            return live.step(until_of(live))
+        def begin(session: Session) -> Any:
+            _check_own_time(session, "step")
+            return session.step(until_of(session))
 
         reached: Reached = self._loop.request(begin)
         return reached
 
-    def _advance(self, response: Any, until_of: Callable[[LiveRun], int]) -> None:
+    def _advance(self, response: Any, until_of: Callable[[Session], int]) -> None:
         reached = self.step_until(until_of)
         response.time = nanoseconds_to_time(reached.stamp)
         response.topics = list(reached.published)
@@ -246,18 +254,18 @@ class DrillServices:
 
     def _step(self, request: StepSimulation.Request, response: Any) -> None:
         length = join_seconds(request.duration.sec, request.duration.nanosec)
-        self._advance(response, lambda live: live.run.time + length)
+        self._advance(response, lambda session: session.run.time + length)
 
     def _run_to(self, request: RunToTime.Request, response: Any) -> None:
         stamp = join_seconds(request.time.sec, request.time.nanosec)
 
-        def until(live: LiveRun) -> int:
-            if not 0 < stamp - live.stamp <= LONGEST_STEP * SECOND:
+        def until(session: Session) -> int:
+            if not 0 < stamp - session.stamp <= LONGEST_STEP * SECOND:
                 raise ParameterError(
                     f"time = {stamp / SECOND:.6f} s is not after the drill's time, "
-                    f"{live.stamp / SECOND:.6f} s, by {LONGEST_STEP:g} s at most"
+                    f"{session.stamp / SECOND:.6f} s, by {LONGEST_STEP:g} s at most"
                 )
-            return stamp - live.run.origin
+            return stamp - session.run.origin
 
         self._advance(response, until)
 
@@ -276,14 +284,14 @@ def message_to_fault(message: FaultMessage) -> Fault:
     return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
 
 
-def _state_of(live: LiveRun) -> int:
-    if live.playing:
+def _state_of(session: Session) -> int:
+    if session.timeline.playing:
         return PLAYING
-    return STOPPED if live.at_start else PAUSED
+    return STOPPED if session.timeline.at_start else PAUSED
 
 
-def _check_own_time(live: LiveRun, verb: str) -> None:
-    if live.follows_clock:
+def _check_own_time(session: Session, verb: str) -> None:
+    if session.timeline.source.follows:
         raise _unsupported(f"the time is that of /clock: {verb} its source")
 
 
@@ -314,11 +322,11 @@ class DeliveryServer:
         response.unanswered = [name for name in request.nodes if not self._answered(name)]
         response.services = [each.service_name for each in self._node.services]
         response.clients = [self._node.count_clients(name) for name in response.services]
-        if (live := self._loop.live) is not None:
-            outlets, published = live.publishers.outlets, live.publishers.published
+        if (session := self._loop.session) is not None:
+            own, published = session.publishers.own, session.publishers.published
             response.topics, response.published = list(published), list(published.values())
-            response.subscribers = list(outlets.subscribers.values())
-            response.acknowledged = all(each.acknowledged() for each in outlets.values())
+            response.subscribers = list(own.subscribers.values())
+            response.acknowledged = all(each.acknowledged() for each in own.values())
             response.command_topics = [each.topic for each in self._commands]
             response.publishers = [each.get_publisher_count() for each in self._commands]
         return response
@@ -332,3 +340,52 @@ class DeliveryServer:
             except (NameValidationException, RuntimeError):  # RCLError: it is too long
                 return False
         return self._probes[name].answered()
+
+
+_FEATURES = (
+    "SIMULATION_RESET",
+    "SIMULATION_RESET_STATE",
+    "SIMULATION_RESET_SPAWNED",
+    "SIMULATION_STATE_GETTING",
+)
+# Not of a drill that follows another's /clock.
+_FEATURES_OF_TIME = (
+    "SIMULATION_RESET_TIME",
+    "SIMULATION_STATE_SETTING",
+    "SIMULATION_STATE_PAUSE",
+    "STEP_SIMULATION_SINGLE",
+    "STEP_SIMULATION_MULTIPLE",
+)
+
+
+def offer_standard_services(node: Node, services: DrillServices) -> None:
+    """Offer the standard's services for features, state, steps and resets, where it is installed.
+
+    ``services``, the drill's own, do the work: states, results and refusals are theirs. A step is a
+    telemetry period; the first of several goes to the next boundary of one.
+    """
+    if standard is None:
+        return
+
+    def answer_features(request: Any, response: Any) -> Any:
+        names = (*_FEATURES, *(_FEATURES_OF_TIME if services.controls_time() else ()))
+        response.features.features = sorted(getattr(SimulatorFeatures, name) for name in names)
+        response.features.custom_info = "rpud_sim: a step is one period of telemetry_rate"
+        return response
+
+    def step(request: Any, response: Any) -> None:
+        def until(session: Session) -> int:
+            rate = session.settings.telemetry_rate
+            return boundary(boundaries_until(session.run.time, rate) + int(request.steps), rate)
+
+        services.step_until(until)
+
+    node.create_service(standard.GetSimulatorFeatures, "get_simulator_features", answer_features)
+    services.offer(standard.GetSimulationState, "get_simulation_state", services.get_state)
+    services.offer(standard.SetSimulationState, "set_simulation_state", services.set_state)
+    services.offer(standard.StepSimulation, "step_simulation", step, services.stepping)
+    services.offer(
+        standard.ResetSimulation,
+        "reset_simulation",
+        lambda request, response: services.reset(int(request.scope)),
+    )

@@ -28,7 +28,7 @@ from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
-from rpud_sim.ros.endpoints import Outlets
+from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import UnknownTypeError, filled, message_class
 from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.replay.playback import Messages, Playback, PlaybackError, read_ahead
@@ -75,7 +75,7 @@ class Replayer(Node):
             start_parameter_services=False,
         )
         self.failures = 0  # requests that raised an error
-        self.outlets = Outlets(_LONGEST_WAIT)  # by the topic's name in the bag
+        self.topics = AcknowledgedPublishers(_LONGEST_WAIT)  # by the topic's name in the bag
         self._types: dict[str, str] = {}  # by the names that they are published with
         if with_clock:
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -112,11 +112,11 @@ class Replayer(Node):
             raise UnknownTypeError(f"its QoS cannot be offered: {error}") from error
         # A latched topic keeps only its last messages.
         latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        outlet = self.outlets.add(
+        added = self.topics.add(
             topic.name, publisher, inf if latched else min(offer.depth, REPLAY_DEPTH)
         )
         if converted is not None:
-            outlet.send = lambda data: publisher.publish(converted(data))
+            added.send = lambda data: publisher.publish(converted(data))
 
     def count_failure(self, reason: str) -> None:
         """Count a request that raised an error, and log why, once a second at most."""
@@ -124,8 +124,8 @@ class Replayer(Node):
         self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
     def publish(self, message: Message, *, hurried: bool) -> None:
-        """Publish a message as it was serialized; see ``Outlets.send``."""
-        self.outlets.send(message.topic, message.data, hurried=hurried)
+        """Publish a message as it was serialized; see ``AcknowledgedPublishers.send``."""
+        self.topics.send(message.topic, message.data, hurried=hurried)
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on ``/clock``."""
@@ -304,12 +304,12 @@ def _replay(
     make_bar: MakeBar,
 ) -> str:
     node = Replayer(topics, with_clock=options.clock is not None, remappings=options.remap)
-    if not node.outlets:
+    if not node.topics:
         if topics:
             raise ReplayError(f"nothing of {bag.path} can be replayed here")
         return f"{printable(bag.path)} has no messages to replay"
     node.get_logger().info(
-        f"replaying {printable(bag.path)}: {len(node.outlets)} topics, "
+        f"replaying {printable(bag.path)}: {len(node.topics)} topics, "
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=options.wait_for_subscribers)
@@ -319,7 +319,7 @@ def _replay(
         last = min(last, first + round(options.duration * SECOND))
 
     def read(position: int) -> Messages:
-        return read_ahead(bag.messages(list(node.outlets), position - bag.start_time))
+        return read_ahead(bag.messages(list(node.topics), position - bag.start_time))
 
     playback = Playback(read, (first, last), options, node, interrupted=lambda: stop.requested)
     offer_services(node, playback)
@@ -338,7 +338,7 @@ def _replay(
             playback.stop()
         playing.result()
         if not stop.requested:
-            for name in node.outlets.wait(_ACKNOWLEDGEMENT_TIME):
+            for name in node.topics.wait(_ACKNOWLEDGEMENT_TIME):
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
             # Best-effort messages have no acknowledgement, and may still be on their way; whoever
             # asks now learns that the replay has ended.
@@ -365,12 +365,12 @@ def _show(playback: Playback, first: int, bar: Any) -> None:
 def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> None:
     deadline = time.monotonic() + DISCOVERY_TIME
     logged = False
-    while unheard := node.outlets.unheard:
+    while unsubscribed := node.topics.unsubscribed:
         if time.monotonic() >= deadline:
             if not patient:
                 break
             if not logged:
-                node.get_logger().info(f"waiting for subscribers of {', '.join(unheard)}")
+                node.get_logger().info(f"waiting for subscribers of {', '.join(unsubscribed)}")
                 logged = True
         if stop.wait(_POLL_PERIOD):
             return

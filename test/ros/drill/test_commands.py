@@ -300,8 +300,8 @@ def test_each_result_is_told_once_after_the_last_ones_of_each_kind():
     assert inbox.take_results() == ([accepted], [refused, {**second, "accepted": True}])
     inbox.accept(WeightOnBit(3.0), third)
     inbox.begin()  # what waits was meant for the run before
-    former, [discarded] = inbox.take_results()
-    assert (former, inbox.drain(), discarded["accepted"]) == ([], [], False)
+    repeated, [discarded] = inbox.take_results()
+    assert (repeated, inbox.drain(), discarded["accepted"]) == ([], [], False)
     assert (discarded["header"], inbox.discarded) == (third["header"], 1)
     assert "began again" in discarded["reason"]
     assert (inbox.accepted, inbox.rejected) == (0, 0)

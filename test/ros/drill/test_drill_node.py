@@ -6,7 +6,7 @@ from support import until
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.endpoints import Outlets
+from rpud_sim.ros.endpoints import AcknowledgedPublishers
 
 
 @pytest.fixture
@@ -36,13 +36,13 @@ def test_what_cannot_be_used_ends_the_start_and_leaves_no_topic(node, name, valu
 
 def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(node, monkeypatch):
     finished = []
-    wait = Outlets.wait
+    wait = AcknowledgedPublishers.wait
 
     def slowly(self, seconds):
         finished.append(node.loop.finished)  # what the executor asks meanwhile
         return wait(self, seconds)
 
-    monkeypatch.setattr(Outlets, "wait", slowly)
+    monkeypatch.setattr(AcknowledgedPublishers, "wait", slowly)
     node.start()
     node.trigger_deactivate()
     node.trigger_cleanup()

@@ -10,13 +10,13 @@ import pytest
 import rclpy
 
 from rpud_sim.ros.drill.drill_node import DuplicateError, open_drill
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
+from rpud_sim.ros.drill.managed_node import DuplicateNodes, NameHold
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
 LONG_NAME = "/" + "/".join(["a_long_part_of_a_namespace"] * 8) + "/a_node"
 HOLDER = f"""
-from rpud_sim.ros.drill.duplicate_nodes import NameHold
+from rpud_sim.ros.drill.managed_node import NameHold
 hold = NameHold({NAME!r}, {DOMAIN})
 print(hold.taken, flush=True)
 input()

@@ -2,7 +2,7 @@
 
 import time
 
-from rpud_sim.ros.drill.journal_store import JournalStore
+from rpud_sim.ros.drill.publishers import JournalStore
 
 
 def stored(count, **most):

@@ -33,13 +33,13 @@ from rpud_sim.ros.drill.services import message_to_fault
 from rpud_sim.ros.graph import filled, members_of
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import row_of
 
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
@@ -65,9 +65,13 @@ def values_of(message, *without):
     return {name: getattr(message, name) for name in names}
 
 
+def row(columns, number):
+    return Batch("", np.zeros(2, np.int64), columns).row(number)
+
+
 def said(kind, columns, number=1):
     """Give a message of some columns as it is received."""
-    return deserialize_message(serialize_message(filled(kind(), row_of(columns, number))), kind)
+    return deserialize_message(serialize_message(filled(kind(), row(columns, number))), kind)
 
 
 @pytest.fixture(scope="module", params=["free", "drilling"])
@@ -142,7 +146,7 @@ def test_an_impact_is_said_field_by_field(block):
     impacts["seconds"][-1], impacts["fraction"][-1] = 4, 1.0 - 1e-12
     columns = fields.contact_force_fields(impacts, 0)
     for number, impact in enumerate(impacts):
-        message = filled(ContactForce(), row_of(columns, number))
+        message = filled(ContactForce(), row(columns, number))
         assert values_of(message) == {name: impact[name] for name in values_of(message)}
         assert type(message.sequence) is int
         assert message.header.frame_id == "rpud_tool_tip"
@@ -161,7 +165,7 @@ def test_times_are_exact(time):
 
 def test_a_waveform_is_the_samples():
     values = fields.waveform_fields(SAMPLES, np.array([12, 14]), RATE, ORIGIN)
-    message = filled(Waveform(), row_of(values, 0))
+    message = filled(Waveform(), row(values, 0))
     assert nanoseconds(message.header.stamp) == ORIGIN + 12 * SECOND // RATE
     assert (message.sequence, message.sample_period) == (12, 1.0 / RATE)
     channels = values_of(message, "sequence", "sample_period")

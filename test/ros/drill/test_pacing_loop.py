@@ -7,8 +7,9 @@ import pytest
 from support import PATIENCE, until
 
 from rpud_sim.ros.drill.commands import Inbox
-from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
+from rpud_sim.ros.drill.session import Session
+from rpud_sim.ros.drill.timeline import InterruptedStepError
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.configuration import Settings
 
@@ -26,11 +27,11 @@ def start(drill_node):
         settings = Settings().replace(values)
         loops.append(PacingLoop())
         inbox = Inbox(drill_node.get_logger(), loops[-1].wake)
-        live = LiveRun(drill_node, settings, inbox, NO_OTHERS, restored, end)
-        loops[-1].configure(live)
+        session = Session(drill_node, settings, inbox, NO_OTHERS, restored, end)
+        loops[-1].configure(session)
         if begin:
             loops[-1].start(settings)
-        return loops[-1], live
+        return loops[-1], session
 
     yield create
     for loop in loops:
@@ -39,25 +40,25 @@ def start(drill_node):
 
 def test_before_the_start_a_request_is_refused(start):
     loop, _ = start(begin=False)
-    assert loop.begun is None
+    assert loop.started is None
     with pytest.raises(StoppedError, match="the node has not been activated"):
-        loop.request(lambda live: None)
+        loop.request(lambda session: None)
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, 100.0])
 def test_it_ends_where_the_simulation_ends_and_refuses_what_comes_later(start, factor):
-    loop, live = start(end=5 * PERIOD, real_time_factor=factor)
+    loop, session = start(end=5 * PERIOD, real_time_factor=factor)
     until(lambda: loop.finished)
     loop.stop()
-    assert (loop.failure, live.run.time) == (None, 5 * PERIOD)
+    assert (loop.failure, session.run.time) == (None, 5 * PERIOD)
     with pytest.raises(StoppedError, match="the drill has stopped"):
-        loop.request(lambda live: None)
+        loop.request(lambda session: None)
 
 
 @pytest.mark.parametrize("factor", [0.01, 1.0])
 def test_requests_act_at_block_boundaries_in_the_order_in_which_they_came(start, factor):
     loop, _ = start(real_time_factor=factor)
-    times = [loop.request(lambda live: live.run.time) for _ in range(20)]
+    times = [loop.request(lambda session: session.run.time) for _ in range(20)]
     assert times == sorted(times)
     assert all(time % PERIOD == 0 for time in times)
 
@@ -66,29 +67,29 @@ def test_what_a_request_asks_for_itself_is_done_at_once(start):
     asked = []
 
     def restored(settings):  # the node sets its parameters, which asks the drill to configure
-        asked.append(loop.request(lambda live: (threading.current_thread().name, settings)))
+        asked.append(loop.request(lambda session: (threading.current_thread().name, settings)))
 
     loop, _ = start(restored, start_paused=True, command_timeout=2.0)
-    loop.request(lambda live: live.configure(Settings(start_paused=True)))
-    loop.request(lambda live: live.reset(time=True, state=True))
+    loop.request(lambda session: session.configure(Settings(start_paused=True)))
+    loop.request(lambda session: session.reset(time=True, state=True))
     assert asked == [("pacing", Settings(start_paused=True, command_timeout=2.0))]
 
 
 def test_a_stop_ends_a_step_with_an_error_and_a_standstill_at_once(start):
-    loop, live = start(start_paused=True)
-    reached = loop.request(lambda live: live.step(PERIOD))
-    assert reached.stamp == live.run.origin + PERIOD
+    loop, session = start(start_paused=True)
+    reached = loop.request(lambda session: session.step(PERIOD))
+    assert reached.stamp == session.run.origin + PERIOD
     failures = []
 
     def step():
         try:
-            loop.request(lambda live: live.step(10**6 * SECOND))
+            loop.request(lambda session: session.step(10**6 * SECOND))
         except InterruptedStepError as error:
             failures.append(str(error))
 
     stepper = threading.Thread(target=step)
     stepper.start()
-    until(lambda: live.goal is not None)
+    until(lambda: session.timeline.goal is not None)
     loop.stop()
     stepper.join(PATIENCE)
     assert failures == ["interrupted: the drill has stopped"]
@@ -98,17 +99,17 @@ def test_a_stop_ends_a_step_with_an_error_and_a_standstill_at_once(start):
 def test_an_error_ends_it_and_every_request(start, tmp_path):
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text("faults: []\n")
-    loop, live = start(scenario=str(scenario))
+    loop, session = start(scenario=str(scenario))
     scenario.unlink()
     with pytest.raises(Exception, match=r"scenario\.yaml: No such file"):
-        loop.request(lambda live: live.reset(time=True, state=True))
+        loop.request(lambda session: session.reset(time=True, state=True))
     assert not loop.finished  # the error is the client's
 
     def fail():
         raise OSError("the disk is gone")
 
-    live.turn = fail
+    session.act = fail
     until(lambda: loop.finished)
     assert str(loop.failure) == "the disk is gone"
     with pytest.raises(StoppedError):
-        loop.request(lambda live: None)
+        loop.request(lambda session: None)

@@ -7,7 +7,8 @@ from support import until
 
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 
 
 def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, nodes):
@@ -15,7 +16,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, no
     executor = SingleThreadedExecutor()
     executor.add_node(nodes[-1])
     publishers = DrillPublishers(drill_node, publish_clock=True)
-    run = Run(Beginning(Settings()), wanted=publishers.wanted)
+    run = Run(Plan(Beginning(Settings())), wanted=publishers.wanted)
     run.begin(0)
     numbers = []
 
@@ -31,7 +32,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, no
 
     def subscribe():
         subscription = nodes[-1].create_subscription(JointState, "joint_states", note, 100)
-        spin_until(lambda: "joint_states" not in publishers.outlets.unheard)
+        spin_until(lambda: "joint_states" not in publishers.own.unsubscribed)
         spin_until(subscription.get_publisher_count)
         return subscription
 
@@ -40,7 +41,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, no
     go_on(5)
     spin_until(lambda: len(numbers) == 5)
     nodes[-1].destroy_subscription(subscription)
-    spin_until(lambda: "joint_states" in publishers.outlets.unheard)
+    spin_until(lambda: "joint_states" in publishers.own.unsubscribed)
     go_on(7)
     subscribe()
     go_on(1)

@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support import PATIENCE, until
 
-from rpud_sim.ros.drill.pacer import TimeSource
+from rpud_sim.ros.drill.timeline import TimeSource
 
 SECOND = 1_000_000_000
 

@@ -49,8 +49,8 @@ def changed(summary, **changes):
 
 def test_it_offers_what_was_offered(replay, summaries):
     node = replay(*summaries.values())
-    assert sorted(node.outlets) == sorted([TALK.name, CHAT.name])
-    assert sorted(node.outlets.unheard) == sorted(node.outlets)
+    assert sorted(node.topics) == sorted([TALK.name, CHAT.name])
+    assert sorted(node.topics.unsubscribed) == sorted(node.topics)
     [talk] = node.get_publishers_info_by_topic(TALK.name)
     assert talk.topic_type == TALK.type
     assert str(talk.topic_type_hash) == TALK.type_hash
@@ -71,20 +71,20 @@ def test_it_offers_what_was_offered(replay, summaries):
 )
 def test_what_cannot_be_published_is_left_out_and_named(replay, summaries, capfd, changes):
     node = replay(changed(summaries[TALK.name], **changes), summaries[CHAT.name])
-    assert list(node.outlets) == [CHAT.name]
+    assert list(node.topics) == [CHAT.name]
     assert f"not replayed: {changes.get('name', TALK.name)}: " in capfd.readouterr().err
 
 
 def test_a_topic_of_several_definitions_is_left_out_and_named(replay, summaries, capfd):
     kinds = frozenset({("cdr", TALK.type, "string data"), ("cdr", TALK.type, "int32 data")})
     node = replay(dataclasses.replace(summaries[TALK.name], kinds=kinds), summaries[CHAT.name])
-    assert list(node.outlets) == [CHAT.name]
+    assert list(node.topics) == [CHAT.name]
     assert f"not replayed: {TALK.name}: it has several types" in capfd.readouterr().err
 
 
 def test_there_is_one_clock(replay, summaries, capfd):
     node = replay(changed(summaries[TALK.name], name="/clock"), with_clock=True)
-    assert list(node.outlets) == []
+    assert list(node.topics) == []
     assert len(node.get_publishers_info_by_topic("/clock")) == 1
     assert "the bag's own /clock is left out" in capfd.readouterr().err
 
@@ -92,7 +92,7 @@ def test_there_is_one_clock(replay, summaries, capfd):
 def test_two_types_do_not_share_a_name(replay, summaries, capfd):
     other = changed(summaries[TALK.name], name="/other", type="std_msgs/msg/Int32", type_hash="")
     node = replay(summaries[TALK.name], other, remap=[f"/other:={TALK.name}"])
-    assert list(node.outlets) == [TALK.name]
+    assert list(node.topics) == [TALK.name]
     assert f"/other: it is a std_msgs/msg/Int32, and {TALK.name} is a" in capfd.readouterr().err
 
 
@@ -101,13 +101,13 @@ def test_two_types_do_not_share_a_name(replay, summaries, capfd):
 def test_any_depth_in_a_bag_is_offered_as_far_as_there_is_one(replay, summaries, depth, durability):
     offer = QosProfile(history="keep_last", depth=depth, durability=durability)
     node = replay(changed(summaries[TALK.name], offered_qos=(offer,)))
-    assert list(node.outlets) == [TALK.name]
+    assert list(node.topics) == [TALK.name]
 
 
 def test_qos_that_cannot_be_offered_leaves_only_its_topic_out(replay, summaries):
     odd = changed(summaries[TALK.name], offered_qos=(QosProfile(lifespan=-(2**70)),))
     node = replay(odd, summaries[CHAT.name])
-    assert list(node.outlets) == [CHAT.name]
+    assert list(node.topics) == [CHAT.name]
 
 
 @pytest.mark.parametrize("release", ["0.1.0", "0.2.0"])
@@ -119,7 +119,7 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
     node, subscriber = replay(summary), rclpy.create_node("subscriber")
     received = []
     subscriber.create_subscription(ContactForce, summary.topic.name, received.append, 10)
-    until(lambda: not node.outlets.unheard)
+    until(lambda: not node.topics.unsubscribed)
 
     def arrives():
         node.publish(recorded, hurried=True)
@@ -136,7 +136,7 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path
     with rpud_sim.bag.open(write_bag(tmp_path / "asked")) as bag:
         node = replay(*bag.topics)
         span, options = (bag.start_time, bag.end_time), ReplayOptions(bag="", start_paused=True)
-        playback = Playback(lambda position: bag.messages(list(node.outlets)), span, options, node)
+        playback = Playback(lambda position: bag.messages(list(node.topics)), span, options, node)
         offer_services(node, playback)
         thread = threading.Thread(target=playback.run)
         thread.start()

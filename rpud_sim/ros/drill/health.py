@@ -1,4 +1,4 @@
-"""Status and diagnostics of the drill: every second, and on change."""
+"""Health of the drill: its status and diagnostics, every second and on change."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.commands import Inbox
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
+from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
-from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
+from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.threads import DelayHistogram
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
-from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, Fields
+from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
 COUPLING_SHARE = 0.05
@@ -70,7 +71,7 @@ _SHOWN = {
     "drill": (
         "state, regime, impacts, vibration_amplitude [m], resonance_frequency [Hz], "
         "actuator_temperature [K], electrical_power [W], depth [m], penetration_rate [m/s], "
-        "side_offset [m], coupling_power [W], active_faults, namesakes"
+        "side_offset [m], coupling_power [W], active_faults, duplicates"
     ),
     "messages": "messages_dropped, journal_dropped",
 }
@@ -114,7 +115,7 @@ def _text(value: Any) -> str:
 
 def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str]]:
     """Return level and message of each part of the diagnostics: the first ones that apply."""
-    lag, late, namesakes = values["lag"], values["lateness_max"], values["namesakes"]
+    lag, late, duplicates = values["lag"], values["lateness_max"], values["duplicates"]
     discarded, commanders = values["commands_discarded"], values["commanders"]
     amplitude, unloaded = values["vibration_amplitude"], run.simulation.unloaded_amplitude
     dropped, faults = values["messages_dropped"], values["active_faults"]
@@ -129,7 +130,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
         ("commands", _WARN, discarded, f"{discarded} discarded"),
         ("commands", _WARN, commanders > 1, f"{commanders} publishers command at once"),
         ("commands", _OK, True, f"{values['commands_rejected']} refused"),
-        ("drill", _WARN, namesakes, f"{namesakes + 1} nodes have this name"),
+        ("drill", _WARN, duplicates, f"{duplicates + 1} nodes have this name"),
         (
             *("drill", _WARN, amplitude < STALLED_SHARE * unloaded),
             f"stalled: the vibration has {amplitude * 1e6:.2g} um, less than {STALLED_SHARE:.0%} "
@@ -159,7 +160,7 @@ class StatusReporter:
         telemetry_rate: int,
         publishers: DrillPublishers,
         inbox: Inbox,
-        namesakes: DuplicateNodes,
+        duplicates: DuplicateNodes,
     ) -> None:
         self.scheduling = "time-sharing"  # how the system schedules the pacing thread
         self.last: Report | None = None  # the latest report, None before the first
@@ -167,7 +168,7 @@ class StatusReporter:
         self._period = 1.0 / telemetry_rate
         self._publishers = publishers
         self._inbox = inbox
-        self._namesakes = namesakes
+        self._duplicates = duplicates
         self._command_topics = [
             [node.resolve_topic_name(topic) for topic in topics] for topics in _COMMAND_TOPICS
         ]
@@ -248,11 +249,11 @@ class StatusReporter:
             ),
         )
         self._publishers.publish([status])
-        self._publish_results(run.origin + run.time)
+        self._inbox.publish_results(self._publishers, run.origin + run.time)
         simulation = run.simulation
         self.last = Report(
             time=run.time,
-            status=status[2],
+            status=status.fields,
             figures=self._figures,
             process=simulation.process,
             faults=simulation.faults.active,
@@ -264,10 +265,10 @@ class StatusReporter:
             "requests_refused": self.last.requests_refused,
             "last_refusal": self.last.last_refusal,
             "scheduling": self.scheduling,
-            "namesakes": self._namesakes.count(),
+            "duplicates": self._duplicates.count(),
             "journal_dropped": self._count_forgotten(),
         }
-        entries = diagnose(run, status[2], measured, self._period)
+        entries = diagnose(run, status.fields, measured, self._period)
         for entry in entries:
             entry["name"] = f"{self._node.get_fully_qualified_name()}: {entry['name']}"
         stamp = time_fields(self._node.get_clock().now().nanoseconds)
@@ -277,7 +278,7 @@ class StatusReporter:
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics of the latest report, unless that was done."""
         if self._diagnostics is not None:
-            self._publishers.publish([(0, "/diagnostics", self._diagnostics)])
+            self._publishers.publish([Batch.of(0, "/diagnostics", self._diagnostics)])
             self._diagnostics = None
 
     def _count_forgotten(self) -> int:
@@ -304,18 +305,6 @@ class StatusReporter:
             self._measured[f"{name}_delay_p50"] = delays.quantile(0.5)
             self._measured[f"{name}_delay_p99"] = delays.quantile(0.99)
             self._measured[f"{name}_delay_max"] = delays.greatest
-
-    def _publish_results(self, stamp: int) -> None:
-        if (results := self._inbox.take_results()) is None:
-            return
-        former, found = results
-        message = {
-            "header": {"stamp": time_fields(stamp), "frame_id": MOUNT_FRAME},
-            "results": [*former, *found],
-            "former": len(former),
-            "status": self._publishers.published["status"],
-        }
-        self._publishers.publish([(stamp, RESULTS, message)])
 
     def _count(self) -> None:
         if self._blocks:

@@ -10,14 +10,15 @@ from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
+from rpud_sim.ros.drill.health import StatusReporter, diagnose
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.report import StatusReporter, diagnose
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
@@ -25,12 +26,12 @@ SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 OK, WARN, ERROR = (level[0] for level in (DiagnosticStatus.OK, DiagnosticStatus.WARN, b"\2"))
 GIVEN = result_of("weight_on_bit")
-MEASURED = {"lag": 0.0, "lateness_max": 0.003, "namesakes": 0, "blocks": 300, "journal_dropped": 0}
+MEASURED = {"lag": 0.0, "lateness_max": 0.003, "duplicates": 0, "blocks": 300, "journal_dropped": 0}
 
 
 def ran(milliseconds=0, *commands, **values):
     """Give a run with these parameters after a time under these commands."""
-    run = Run(Beginning(Settings(to_configuration(values))))
+    run = Run(Plan(Beginning(Settings(to_configuration(values)))))
     run.begin(0)
     for command in commands:
         run.simulation.apply(command)
@@ -40,7 +41,7 @@ def ran(milliseconds=0, *commands, **values):
 
 def diagnosed(run, part, period=0.01, **changes):
     """Give level, text and values of a part of the diagnostics of a run."""
-    status = run.status("running", Bookkeeping(commands_rejected=7))[2]
+    status = run.status("running", Bookkeeping(commands_rejected=7)).fields
     entries = diagnose(run, {**status, **changes}, {**MEASURED, **changes}, period)
     entry = next(entry for entry in entries if entry["name"] == part)
     return entry["level"], entry["message"], {v["key"]: v["value"] for v in entry["values"]}
@@ -58,7 +59,7 @@ def diagnosed(run, part, period=0.01, **changes):
         ("commands", {"commanders": 2, "commands_discarded": 3}, WARN, "3 discarded"),
         ("commands", {"commands_lost": True}, ERROR, "commands are lost: the drill is made safe"),
         ("drill", {}, OK, "running"),
-        ("drill", {"namesakes": 1, "active_faults": 2}, WARN, "2 nodes have this name"),
+        ("drill", {"duplicates": 1, "active_faults": 2}, WARN, "2 nodes have this name"),
         ("drill", {"active_faults": 2}, WARN, "2 faults injected"),
         ("messages", {}, OK, "none dropped"),
         ("messages", {"messages_dropped": 4}, WARN, "4 dropped"),
@@ -91,7 +92,7 @@ def test_a_hole_as_deep_as_the_tool_is_long_is_a_warning():
 def test_steps_of_the_arm_that_lose_power_are_a_warning():
     run = ran(100, feed_model="arm", initial_feed=0.004)
     level, _, values = diagnosed(run, "drill")
-    power = run.status("running", Bookkeeping())[2]["actuator_power"]
+    power = run.status("running", Bookkeeping()).fields["actuator_power"]
     assert (level, abs(float(values["coupling_power [W]"])) < 0.05 * power) == (OK, True)
     level, text, _ = diagnosed(run, "drill", coupling_power=-0.06 * power)
     assert level == WARN
@@ -131,7 +132,9 @@ class Drill:
         self.outputs = DrillPublishers(node, publish_clock=False)
         self.reporter = StatusReporter(node, 100, self.outputs, self.inbox, NO_OTHERS)
         self.blocks, self.diagnostics = [], []
-        self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), on_block=self.add)
+        self.run = Run(
+            Plan(Beginning(Settings(telemetry_rate=1, block_duration=1.0))), on_block=self.add
+        )
         self.pacer = Pacer(100)
         send = self.outputs._send
         self.outputs._send = lambda *message: self.sent(*message) or send(*message)

@@ -12,13 +12,15 @@ from manual_clock import SECOND, ManualClock
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from rpud_sim.ros.drill.pacer import Pacer
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.drill import live_run, report
+from rpud_sim.ros.drill import health, session
 from rpud_sim.ros.drill.commands import Inbox, result_of
-from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
-from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.pacing_loop import take_turn
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.session import Session
+from rpud_sim.ros.drill.timeline import InterruptedStepError
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.topics import PROVED
@@ -27,7 +29,15 @@ NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 MILLISECOND = 1_000_000
 PERIOD = 10 * MILLISECOND
 START = 17 * SECOND
-PLAY, PAUSE, HALT = LiveRun.play, LiveRun.pause, LiveRun.halt
+HALT = Session.halt
+
+
+def play(drill):
+    drill.timeline.play()
+
+
+def pause(drill):
+    drill.timeline.pause()
 
 
 class Publishers(DrillPublishers):
@@ -60,30 +70,30 @@ class Publishers(DrillPublishers):
         return [name for name, _ in self.messages if name in ("waveform", "trajectory")]
 
 
-class Drill(LiveRun):
-    """A live run with a pacer whose clock is moved by hand, without a thread."""
+class Drill(Session):
+    """A session with a pacer whose clock is moved by hand, without a thread."""
 
     def __init__(self, node, settings):
         self.clock, self.inbox, self.restored = ManualClock(START), Inbox(node.get_logger()), []
         super().__init__(node, settings, self.inbox, NO_OTHERS, self.restored.append)
         self.publishers.complete = True
-        schedule = self._source.schedule
-        self.pacer = Pacer(100, schedule, self.clock, self.clock.sleep)
+        schedule = self.timeline.source.schedule
+        self.timeline.pacer = Pacer(100, schedule, self.clock, self.clock.sleep)
         self.publishers.clock = self.clock
         self.begin(settings)
 
     def command(self, force):
         self.inbox.accept(WeightOnBit(force), result_of("weight_on_bit"))
 
-    def advance(self):
+    def go_on(self):
         """Do what is due, waiting for it as the thread does, and give the simulation time."""
-        while (idle := self.turn()) > 0.0:
+        while (idle := take_turn(self)) > 0.0:
             self.clock.now += round(idle * SECOND)
         return self.run.time
 
     def finish_step(self):
-        while self.goal is not None:
-            self.turn()
+        while self.timeline.goal is not None:
+            take_turn(self)
 
     @property
     def weight_on_bit(self):
@@ -93,7 +103,7 @@ class Drill(LiveRun):
 @pytest.fixture
 def make(nodes, monkeypatch):
     made = []
-    monkeypatch.setattr(live_run, "DrillPublishers", partial(Publishers, None))
+    monkeypatch.setattr(session, "DrillPublishers", partial(Publishers, None))
 
     def create(use_sim_time=False, **values):
         overrides = [Parameter("use_sim_time", value=use_sim_time)]
@@ -115,7 +125,7 @@ def drill(make):
 
 @pytest.fixture
 def playing(drill):
-    drill.play()
+    drill.timeline.play()
     return drill
 
 
@@ -128,52 +138,52 @@ def test_blocks_are_computed_ahead_of_their_deadlines_and_published_at_them(play
 
     playing.inbox.drain = slow
     deadlines = [START + number * PERIOD for number in (1, 2, 3)]
-    assert [playing.advance() for _ in deadlines] == [PERIOD, 2 * PERIOD, 3 * PERIOD]
+    assert [playing.go_on() for _ in deadlines] == [PERIOD, 2 * PERIOD, 3 * PERIOD]
     assert playing.publishers.sent_at == pytest.approx(deadlines, abs=2)
     # 10 ms ahead, or after the block before
     begun = [START, *(each + 3 * MILLISECOND for each in deadlines[:2])]
     assert playing.publishers.computed == pytest.approx(begun, abs=2)
-    timing = playing.pacer.read()
+    timing = playing.timeline.pacer.read()
     assert (timing["deadlines_missed"], timing["lag"]) == (0, 0.0)
     assert timing["lateness_max"] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_command_that_comes_during_a_block_acts_at_its_end(playing):
-    playing.advance()
+    playing.go_on()
     before, seen = playing.weight_on_bit, []
     playing.publishers.meanwhile = lambda: seen.append(playing.weight_on_bit) or playing.command(33)
-    assert playing.advance() == 2 * PERIOD
+    assert playing.go_on() == 2 * PERIOD
     assert (seen, playing.weight_on_bit) == ([before], 33.0)
 
 
 def test_a_command_between_two_blocks_acts_at_the_next_end(make):
     drill = make(real_time_factor=0.5)  # with time between two blocks
-    drill.play()
-    drill.advance()
+    drill.timeline.play()
+    drill.go_on()
     before = drill.weight_on_bit
     drill.command(33.0)
-    assert drill.turn() > 0.0  # nothing is due yet
+    assert take_turn(drill) > 0.0  # nothing is due yet
     assert (drill.weight_on_bit, drill.run.time) == (before, PERIOD)
-    assert (drill.advance(), drill.weight_on_bit) == (2 * PERIOD, 33.0)
+    assert (drill.go_on(), drill.weight_on_bit) == (2 * PERIOD, 33.0)
 
 
 def test_a_stream_of_commands_acts_in_each_block_and_is_reported_at_a_rate_of_its_own(playing):
-    playing.advance()
+    playing.go_on()
     began, before = time.monotonic(), playing.publishers.count("status")
     for number in range(100):
         playing.command(10.0 + number)
-        playing.advance()
+        playing.go_on()
         assert playing.weight_on_bit == 10.0 + number
-    periods = (time.monotonic() - began) / report.CHANGE_PERIOD
+    periods = (time.monotonic() - began) / health.CHANGE_PERIOD
     assert playing.inbox.accepted == 100
     assert playing.publishers.count("status") - before <= periods + 2
 
 
 def test_waveform_and_trajectory_follow_in_the_time_before_the_next_deadline(playing):
     for _ in range(4):
-        playing.advance()
+        playing.go_on()
     assert playing.publishers.streams == []
-    playing.advance()
+    playing.go_on()
     assert playing.publishers.streams == ["waveform", "trajectory"]
     names = [name for name, _ in playing.publishers.messages]
     assert names[: names.index("trajectory")].count("nodal_plane") == 4  # ahead of the fifth
@@ -188,22 +198,22 @@ def slow(drill):
 def test_without_time_they_wait_but_not_longer_than_two_periods_of_theirs(playing):
     slow(playing)
     for _ in range(9):
-        playing.advance()
+        playing.go_on()
     assert playing.publishers.streams == []
     for _ in range(41):
-        playing.advance()
+        playing.go_on()
     assert len(playing.publishers.streams) >= 2 * (50 // 5 - 2)
-    playing.pause()
+    playing.timeline.pause()
     assert playing.publishers.streams == ["waveform", "trajectory"] * 10
 
 
 def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(make):
     sent = []
     for drill in (slow(make()), make()):
-        drill.play()
+        drill.timeline.play()
         for _ in range(5):
-            drill.advance()
-        drill.run.place(7 * SECOND)
+            drill.go_on()
+        drill.run.set_origin(7 * SECOND)
         drill.finish()
         assert drill.publishers.streams == ["waveform", "trajectory"]
         sent.append([each for each in drill.publishers.messages if each[0] == "trajectory"])
@@ -211,65 +221,65 @@ def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(m
 
 
 def test_the_diagnostics_of_changes_wait_for_time_and_come_once(make, monkeypatch):
-    monkeypatch.setattr(report, "CHANGE_PERIOD", 0.0)  # each change is reported at once
-    monkeypatch.setattr(report, "REPORT_PERIOD", 3600.0)
+    monkeypatch.setattr(health, "CHANGE_PERIOD", 0.0)  # each change is reported at once
+    monkeypatch.setattr(health, "REPORT_PERIOD", 3600.0)
     drill = make()
-    drill.play()
-    drill.advance()
+    drill.timeline.play()
+    drill.go_on()
     slow(drill)
     count = drill.publishers.count
     statuses, diagnostics = count("status"), count("/diagnostics")
     for force in (31.0, 32.0, 33.0):
         drill.command(force)
-        drill.advance()
+        drill.go_on()
     assert (count("status"), count("/diagnostics")) == (statuses + 3, diagnostics)
     drill.publishers.meanwhile = lambda: None
     for _ in range(20):
-        drill.advance()
+        drill.go_on()
     assert count("/diagnostics") == diagnostics + 1
 
 
 def test_impacts_are_published_within_a_period_of_their_stamps(playing):
     for _ in range(20):
-        playing.advance()
+        playing.go_on()
     delays = playing.reporter.impact_delays
     assert delays.count == playing.run.simulation.impact_count > 0
     assert 0.0 < delays.quantile(0.5) <= delays.greatest <= PERIOD / SECOND
 
 
 def test_at_a_standstill_only_commands_act_until_it_plays_from_there_on(playing):
-    playing.advance()
-    playing.pause()
+    playing.go_on()
+    playing.timeline.pause()
     playing.clock.now += 5 * SECOND
     playing.command(33.0)
-    assert playing.turn() > 0.0
+    assert take_turn(playing) > 0.0
     assert (playing.run.time, playing.weight_on_bit) == (PERIOD, 33.0)
     resumed = playing.clock.now
-    playing.play()
-    assert playing.advance() == 2 * PERIOD
+    playing.timeline.play()
+    assert playing.go_on() == 2 * PERIOD
     assert playing.publishers.sent_at[-1] == pytest.approx(resumed + PERIOD, abs=2)
 
 
 def test_as_fast_as_possible_no_deadline_is_waited_for_and_streams_follow_their_blocks(make):
     drill = make(real_time_factor=0.0)
-    drill.play()
+    drill.timeline.play()
     for number in range(1, 11):
-        assert (drill.turn(), drill.run.time) == (0.0, number * PERIOD)
+        assert (take_turn(drill), drill.run.time) == (0.0, number * PERIOD)
     assert (drill.clock.slept, drill.clock.now) == ([], START)
     assert drill.publishers.patient
     assert drill.publishers.streams == ["waveform", "trajectory"] * 2
 
 
 def test_another_factor_and_a_reset_begin_a_schedule_of_their_own(playing):
-    playing.advance()
+    playing.go_on()
     playing.configure(dataclasses.replace(playing.settings, real_time_factor=0.5))
-    playing.advance()
+    playing.go_on()
     assert playing.publishers.sent_at[-1] == pytest.approx(START + 3 * PERIOD, abs=2)
     assert not playing.publishers.patient
     playing.reset(time=True, state=True)
     replaced = playing.clock.now
     assert playing.run.time == 0
-    assert playing.advance() == PERIOD
+    assert playing.go_on() == PERIOD
     assert playing.publishers.sent_at[-1] == pytest.approx(replaced + 2 * PERIOD, abs=2)
 
 
@@ -277,17 +287,21 @@ def test_another_factor_and_a_reset_begin_a_schedule_of_their_own(playing):
     ("changes", "is_playing", "at_start", "state"),
     [
         ((), False, False, "paused"),
-        ((PLAY,), True, False, "running"),
-        ((PLAY, PAUSE), False, False, "paused"),
-        ((PLAY, HALT), False, True, "stopped"),
-        ((HALT, PAUSE), False, False, "paused"),
-        ((HALT, PLAY), True, False, "running"),
+        ((play,), True, False, "running"),
+        ((play, pause), False, False, "paused"),
+        ((play, HALT), False, True, "stopped"),
+        ((HALT, pause), False, False, "paused"),
+        ((HALT, play), True, False, "running"),
     ],
 )
 def test_the_state_is_that_of_the_last_change(drill, changes, is_playing, at_start, state):
     for change in changes:
         change(drill)
-    assert (drill.playing, drill.at_start, drill.state) == (is_playing, at_start, state)
+    assert (drill.timeline.playing, drill.timeline.at_start, drill.state) == (
+        is_playing,
+        at_start,
+        state,
+    )
     drill.activate(False)
     assert drill.state == drill.reporter.last.status["state"] == "inactive"
 
@@ -297,7 +311,7 @@ def test_a_step_ends_at_its_goal_without_a_deadline_and_its_status_comes_first(d
     drill.command(33.0)  # it acts before the step, and is reported
     step = drill.step(goal)
     assert drill.reporter.last.status["weight_on_bit"] == 33.0
-    assert (drill.goal, drill.state, drill.playing) == (goal, "running", False)
+    assert (drill.timeline.goal, drill.state, drill.timeline.playing) == (goal, "running", False)
     reported, tell = [], drill.report
     monkeypatch.setattr(
         drill, "report", lambda: reported.append((drill.run.time, step.done())) or tell()
@@ -307,8 +321,8 @@ def test_a_step_ends_at_its_goal_without_a_deadline_and_its_status_comes_first(d
     assert step.result(0.0).stamp == drill.stamp == drill.run.origin + goal
     assert drill.reporter.last.status["state"] == "paused"
     assert (drill.clock.slept, drill.clock.now) == ([], START)
-    drill.play()
-    assert drill.advance() == 2 * PERIOD
+    drill.timeline.play()
+    assert drill.go_on() == 2 * PERIOD
     assert drill.publishers.sent_at[-1] == pytest.approx(START + PERIOD // 2, abs=2)
 
 
@@ -324,10 +338,10 @@ def test_a_step_reports_at_every_second_of_its_own_time(drill, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (PLAY, "the simulation was set to play"),
-        (PAUSE, "the simulation was paused"),
+        (play, "the simulation was set to play"),
+        (pause, "the simulation was paused"),
         (HALT, "the simulation was reset"),
-        (lambda drill: drill.interrupt("the drill has stopped"), "the drill has stopped"),
+        (lambda drill: drill.timeline.interrupt("the drill has stopped"), "the drill has stopped"),
     ],
 )
 def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason):
@@ -335,7 +349,7 @@ def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason)
     change(drill)
     with pytest.raises(InterruptedStepError, match=f"^interrupted: {reason}$"):
         step.result(0.0)
-    drill.pause()
+    drill.timeline.pause()
     another = drill.step(2 * PERIOD)
     drill.finish_step()
     assert another.result(0.0).stamp == drill.run.origin + 2 * PERIOD
@@ -344,24 +358,24 @@ def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason)
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (PLAY, "it is playing, not paused"),
+        (play, "it is playing, not paused"),
         (HALT, "it is stopped, not paused"),
         (lambda drill: drill.step(PERIOD), "it is stepping already, not paused"),
     ],
 )
 def test_only_a_paused_simulation_steps(drill, change, reason):
     change(drill)
-    before = drill.goal
+    before = drill.timeline.goal
     with pytest.raises(ParameterError, match=f"^{reason}$"):
         drill.step(2 * PERIOD)
-    assert drill.goal == before
+    assert drill.timeline.goal == before
 
 
 @pytest.mark.parametrize("goal", [-1, 0, 10**15 + 1])
 def test_a_step_goes_forward_and_not_too_far(drill, goal):
     with pytest.raises(ParameterError, match=r"step = .* s is outside its range \(0, 1e\+06\] s"):
         drill.step(goal)
-    assert drill.goal is None
+    assert drill.timeline.goal is None
 
 
 def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(drill):
@@ -414,12 +428,12 @@ def test_a_drill_that_follows_a_clock_does_not_drift_from_it_and_restarts_where_
 
     tell(7 * SECOND)
     drill.start_time(threading.Event(), lambda: None)
-    assert (drill.follows_clock, drill.playing, drill.stamp) == (True, True, 7 * SECOND)
+    assert (drill.follows_clock, drill.timeline.playing, drill.stamp) == (True, True, 7 * SECOND)
     tell(7 * SECOND + PERIOD // 2)
     drill.configure(dataclasses.replace(drill.settings, real_time_factor=0.5))
-    assert drill.pacer.remaining(PERIOD) == pytest.approx(PERIOD / 2 / SECOND)
+    assert drill.timeline.pacer.remaining(PERIOD) == pytest.approx(PERIOD / 2 / SECOND)
     tell(7 * SECOND + PERIOD)
-    assert (drill.turn(), drill.run.time) == (0.0, PERIOD)
+    assert (take_turn(drill), drill.run.time) == (0.0, PERIOD)
     tell(3 * SECOND)
-    drill.turn()
+    take_turn(drill)
     assert (drill.run.time, drill.stamp) == (0, 3 * SECOND)

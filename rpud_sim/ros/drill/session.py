@@ -1,0 +1,351 @@
+"""Session of the drill: its run and the publishers, from the node's configuration to clean-up."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from rclpy.node import Node
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.ros.drill.commands import Inbox
+from rpud_sim.ros.drill.health import StatusReporter
+from rpud_sim.ros.drill.managed_node import DuplicateNodes
+from rpud_sim.ros.drill.publishers import DrillPublishers, Encoded
+from rpud_sim.ros.drill.timeline import Reached, Timeline
+from rpud_sim.ros.threads import schedule_thread
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.changes import Change
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plan import Beginning, Plan, Start
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.topics import offered_topics
+
+_PART = 0.0002  # that a part of the work without a deadline takes [s]
+_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
+
+
+class Session:
+    """Run of the drill under commands, and those after resets; their timeline and messages.
+
+    Nothing moves until ``begin``. From then on every method is for the pacing loop: others reach it
+    by ``PacingLoop.request``, and act between two blocks. Any thread may read the attributes.
+
+    The run begins at the instant of ``start``, of a fork, at time zero without one, and is over at
+    ``end`` in simulation time [ns]. ``restored`` is called with the settings that a reset restored.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        inbox: Inbox,
+        duplicates: DuplicateNodes,
+        restored: Callable[[Settings], None] = lambda settings: None,
+        end: int = sys.maxsize,
+        start: Start | None = None,
+    ) -> None:
+        self.settings = self._first_settings = settings  # in force
+        self._seed = settings.seed
+        self._journal: Journal | None = None  # from ``begin`` on
+        self._inbox = inbox
+        self._restored = restored
+        self._end = end
+        self._start = start
+        self._computing = False  # whether a run is on its way to the instant of a fork
+        self._unreported = False  # whether the status lacks changes
+        self._lost = False  # whether commands were lost when they acted last
+        self._clock_due = 0.0
+        self._logger = node.get_logger()
+        offered = offered_topics(settings.values())
+        self.publishers = DrillPublishers(node, settings.publish_clock, offered)
+        self.reporter = StatusReporter(
+            node, settings.telemetry_rate, self.publishers, inbox, duplicates
+        )
+        try:
+            self.run = self._new_run(settings, self._seed, active=start is not None)
+            self._start_run(self.run)
+        except Exception:
+            self.publishers.destroy()  # or the next configuration would have each topic twice
+            raise
+        self.timeline = Timeline(node, settings, inbox.notify, self._pace)
+
+    @property
+    def stamp(self) -> int:
+        """Stamp of the present simulation time [ns]."""
+        return self.run.origin + self.run.time
+
+    @property
+    def state(self) -> str:
+        """State, as ``rpud_msgs/Status`` names it."""
+        return self.timeline.state if self.run.control.active else "inactive"
+
+    @property
+    def finished(self) -> bool:
+        """Whether simulation time has reached its end."""
+        return self.run.time >= self._end
+
+    @property
+    def block_end(self) -> int:
+        """Simulation time at which the present block ends [ns]: a boundary, a change or a goal."""
+        run = self.run
+        return min(run.next_boundary, run.next_change, self.timeline.goal or NEVER)
+
+    def announce(self) -> None:
+        """Publish status and diagnostics before the beginning."""
+        self._set_origin()
+        self.reporter.report("inactive", self.run, self.timeline.pacer)
+        self.reporter.publish_diagnostics()
+
+    def begin(self, settings: Settings) -> None:
+        """Begin, active and with a journal, with settings that may have changed."""
+        self.settings = self._first_settings = settings
+        self._journal = Journal()
+        origin, start = self.run.origin, self._start
+        run = self._new_run(settings, self._seed, active=True)
+        self._start_run(run)
+        if start is not None and settings != start.settings:  # set since the node was made
+            run.configure(settings)
+        self._switch(run, origin)
+
+    def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
+        """Let simulation time begin, now or with the first ``/clock``.
+
+        ``stop`` ends the wait for ``/clock``; ``serve`` is called again and again meanwhile.
+        """
+        configuration = self.settings.configuration
+        # The first line that a process logs takes tens of milliseconds: before time zero, then.
+        self._logger.info(
+            f"drilling: regime {configuration.parameters.regime}, "
+            f"weight on bit {configuration.parameters.weight_on_bit:g} N, "
+            f"drive {'on' if configuration.drive_enabled else 'off'}"
+        )
+        self.timeline.source.wait(stop, serve)
+        self._set_origin()
+        if self.timeline.source.follows or not self.settings.start_paused:
+            self.timeline.play()
+        else:
+            self.timeline.pause()
+
+    def finish(self) -> None:
+        """Publish what is left, and the last status."""
+        self._flush(ends=True)
+        self.reporter.end_period()
+        self.report("stopped")
+
+    def close(self) -> None:
+        """Stop listening to the clock, and destroy the publishers."""
+        self.timeline.source.close()
+        self.publishers.destroy()
+
+    # What the pacing loop does again and again.
+
+    def publish_clock_at_standstill(self) -> float:
+        """Publish ``/clock`` now and then; return when to look again [s]."""
+        if time.monotonic() >= self._clock_due:
+            self.publishers.publish_clock(self.stamp)
+            self._clock_due = time.monotonic() + _STANDSTILL_PERIOD
+        return _STANDSTILL_PERIOD
+
+    def follow_clock(self) -> None:
+        """Restart where another's ``/clock`` has gone back."""
+        if self.timeline.source.went_back:
+            self._logger.warning("/clock went back: the drill restarts")
+            self.reset(time=True, state=True)
+
+    def advance(self, until: int) -> tuple[list[Encoded], list[int]]:
+        """Compute the block up to a time [ns]; return its messages, and the times of impacts."""
+        planned = self.run.next_change
+        batches = list(self.run.advance_to(until, self.publishers.defer))
+        self._unreported |= self.run.next_change != planned
+        # Without deadlines its subscribers set the pace.
+        self.publishers.patient = not self.timeline.pacer.paces
+        struck = [each.times.tolist() for each in batches if each.topic == "contact_force"]
+        return self.publishers.encode(batches), [time for times in struck for time in times]
+
+    def publish(self, messages: list[Encoded], impacts: list[int]) -> None:
+        """Publish the messages of a block at its deadline."""
+        pacer = self.timeline.pacer
+        self.publishers.publish_clock(self.stamp)
+        self.publishers.send(messages)
+        pacer.finish(self.run.time)
+        if pacer.paces:
+            for struck in impacts:
+                self.reporter.impact_delays.add(pacer.delay_since(struck))
+
+    def act(self) -> None:
+        """Let waiting commands act, and publish what changed."""
+        control = self.run.control
+        commands = self._inbox.drain()
+        for command in commands:
+            control.apply(command)
+        control.act()
+        lost, self._lost = self._lost, control.commands_lost
+        if commands or lost is not self._lost or self.reporter.refused_more():
+            self._unreported = True
+            self.publishers.publish(self.run.changes())
+        for refusal in self.run.simulation.drain_refusals():
+            self._logger.warning(refusal)
+
+    def publish_deferred(self, until: int | None = None) -> None:
+        """Publish what has no deadline: all of it, or what there is time for.
+
+        ``until`` is the simulation time of the next deadline [ns].
+        """
+
+        def has_time() -> bool:
+            return until is None or self.timeline.pacer.remaining(until) > _PART
+
+        if has_time():
+            self.reporter.publish_diagnostics()
+        self.publishers.publish_deferred(has_time)
+
+    def report_if_due(self) -> None:
+        """Report what changed, and at every second; end a step at its goal.
+
+        In a step a test waits for each change, and what is published must not depend on the speed
+        of the machine. While time plays, a stream of commands would have a report in each block,
+        and its readers would be late.
+        """
+        timeline = self.timeline
+        stepping = timeline.goal is not None
+        due = self.run.time % SECOND == 0 if stepping else self.reporter.due()
+        due |= self._unreported and (not timeline.playing or self.reporter.rested)
+        reached = timeline.goal is not None and self.run.time >= timeline.goal
+        if reached:
+            timeline.goal = None
+        if due or reached:
+            self.report()
+        if reached:
+            timeline.reach(Reached(self.stamp, self.publishers.published))
+
+    def report(self, state: str = "") -> None:
+        """Publish changes and the status, in the present state or another one."""
+        self._unreported = False
+        self.publishers.publish(self.run.changes())
+        self.reporter.report(state or self.state, self.run, self.timeline.pacer)
+        if state or not self.timeline.pacer.ahead:
+            self.reporter.publish_diagnostics()
+
+    # What services and parameters do.
+
+    def halt(self) -> None:
+        """Begin again and let time stand still."""
+        self.reset(time=True, state=True)
+        self.timeline.stop()
+
+    def step(self, goal: int) -> Future[Reached]:
+        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError."""
+        self.timeline.check_step(self.run.time, goal)
+        self.act()  # commands were given before
+        if self._unreported:
+            self.report()
+        return self.timeline.step(goal)
+
+    def activate(self, active: bool) -> None:
+        """Let commands act, or make drive and weight on bit zero."""
+        self.run.control.activate(active)
+        self.report()
+
+    def configure(self, settings: Settings) -> None:
+        """Put settings into force that differ in what may change while the drill runs."""
+        before, self.settings = self.settings.real_time_factor, settings
+        self.run.configure(settings)
+        if settings.real_time_factor != before:
+            self._pace()
+        else:
+            self.report()
+
+    def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
+        """Begin again; a fork goes back to its instant, and cannot have another seed.
+
+        ``time`` says whether stamps begin again. ``state`` is the motion, commands, faults, and
+        parameters as they were when it started, but for its pace. A ParameterError changes nothing.
+        """
+        start = self._start if state else None
+        if start is not None and seed not in (None, start.plan.beginning.seed):
+            kept = start.plan.beginning.seed
+            raise ParameterError(f"seed = {seed}: a fork keeps its seed {kept}")
+        seed = self._seed if seed is None else seed
+        pace = self.settings.real_time_factor
+        settings = dataclasses.replace(self._first_settings, real_time_factor=pace)
+        active, source = self.run.control.active, self.timeline.source
+        # First what can fail, as the scenario's file may be another one by now.
+        new = self._new_run(settings, seed, active) if state else None
+        self.timeline.interrupt("the simulation was reset")
+        self._seed = seed
+        self._flush()
+        if new is not None:
+            stamp = self.stamp
+            self._start_run(new)
+            own = source.origin(new.time, new.origin) if time else stamp - new.time
+            self._switch(new, own)
+            self.settings = settings
+            self.reporter.begin()
+            self._restored(settings)
+        elif time:
+            self.run.set_origin(source.origin(self.run.time, -self.run.time))
+        self._pace()
+
+    def _set_origin(self) -> None:
+        self.run.set_origin(self.timeline.source.origin(self.run.time))
+        self.reporter.end_period()
+
+    def _pace(self) -> None:
+        """Begin a schedule if time goes on by itself, hold it otherwise; report."""
+        self.publish_deferred()
+        punctual = self.timeline.pace(self.run.time, self.stamp, self.settings.real_time_factor)
+        # Above real time it takes all that it can get, and others must get processor time.
+        self.reporter.scheduling = schedule_thread(self.settings.thread_priority * punctual)
+        self.report()
+
+    def _flush(self, *, ends: bool = False) -> None:
+        """Publish what the streams still hold, to go on or at the end."""
+        self.publish_deferred()
+        # One by one: the journal's entry arrives before the short blocks that follow from it, or a
+        # recorder that ends in between has blocks which nothing explains.
+        for batch in self.run.flush(ends=ends):
+            self.publishers.publish([batch])
+
+    def _new_run(self, settings: Settings, seed: int, active: bool) -> Run:
+        start = self._start
+        return Run(
+            start.plan if start else Plan(Beginning.drawn(settings, seed)),
+            self._journal,
+            lambda topic: not self._computing and self.publishers.wanted(topic),
+            active=active,
+            on_block=self._count,
+            refused=self._refuse,
+        )
+
+    def _start_run(self, run: Run) -> None:
+        """Start the journal of a run, which is of a fork at its instant then."""
+        active = run.control.active
+        run.simulation.record("begin", run.beginning.to_journal())
+        if self._start is not None:
+            self._computing = True
+            for batch in run.advance_to(self._start.time):
+                if batch.topic == "journal":
+                    self.publishers.publish([batch])
+            self._computing = False
+            run.watch()
+        run.control.activate(active)
+
+    def _switch(self, run: Run, origin: int) -> None:
+        """Go on with a run at whose simulation time zero the stamp is ``origin`` [ns]."""
+        self.run = run
+        self.timeline.pacer.reset()
+        run.set_origin(origin)
+
+    def _count(self, block: Block) -> None:
+        if not self._computing:
+            self.reporter.add(block)
+
+    def _refuse(self, change: Change, error: Exception) -> None:
+        self._logger.warning(f"planned change refused: {error}")
