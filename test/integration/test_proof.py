@@ -10,13 +10,13 @@ import pytest
 from drill_client import ACTIVATE, CONFIGURE, DEACTIVATE, Client, end
 from rpud_msgs.msg import Drive, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation
-from rpud_sim.recorded.verify.verification import verify
 from sample_bags import PLAIN_PROVED
 from support import Process
 
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.recorded.verify import verify
 
 JOURNAL = "/rpud/journal"
 SCENARIO = """

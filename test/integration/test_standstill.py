@@ -7,10 +7,10 @@ import pytest
 from drill_client import ACTIVATE, CONFIGURE, stamps
 from rpud_msgs.msg import Result, SimulationState
 from rpud_msgs.srv import GetDelivery
-from rpud_sim.recorded.verify.verification import verify
 from sample_bags import PLAIN_PROVED
 
 import rpud_sim.bag
+from rpud_sim.recorded.verify import verify
 
 SECOND = 1_000_000_000
 RARE = ("faults", "journal")  # of the topics, those of which nothing comes in the standstill

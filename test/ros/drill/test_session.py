@@ -12,11 +12,11 @@ from manual_clock import SECOND, ManualClock
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from rpud_sim.ros.drill.pacer import Pacer
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import health, session
 from rpud_sim.ros.drill.commands import Inbox, result_of
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.pacing_loop import take_turn
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.session import Session
@@ -421,14 +421,15 @@ def test_a_drill_that_follows_a_clock_does_not_drift_from_it_and_restarts_where_
     make,
 ):
     drill = make(use_sim_time=True)
-    clock = drill._source._clock
+    clock = drill.timeline.source._clock
 
     def tell(nanoseconds):
         clock.set_ros_time_override(Time(nanoseconds=nanoseconds, clock_type=ClockType.ROS_TIME))
 
     tell(7 * SECOND)
     drill.start_time(threading.Event(), lambda: None)
-    assert (drill.follows_clock, drill.timeline.playing, drill.stamp) == (True, True, 7 * SECOND)
+    timeline = drill.timeline
+    assert (timeline.source.follows, timeline.playing, drill.stamp) == (True, True, 7 * SECOND)
     tell(7 * SECOND + PERIOD // 2)
     drill.configure(dataclasses.replace(drill.settings, real_time_factor=0.5))
     assert drill.timeline.pacer.remaining(PERIOD) == pytest.approx(PERIOD / 2 / SECOND)
