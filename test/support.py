@@ -18,8 +18,8 @@ from ament_index_python.packages import get_package_share_directory
 from rpud_sim.cli.main import main
 from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
 from rpud_sim.simulation.batch import Batch
+from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
@@ -171,5 +171,10 @@ def trajectory_messages(segments, sequence, origin):
         return []
     cuts = np.array([0, *trajectory_cuts(segments).tolist(), len(segments)])
     columns = trajectory_fields(segments, cuts, sequence, origin)
-    batch = Batch("trajectory", np.zeros(len(cuts) - 1, np.int64), columns)
-    return [batch.row(number) for number in range(len(batch))]
+    return [fields for _, _, fields in Batch("trajectory", cuts[:-1], columns).rows()]
+
+
+def one_by_one(found):
+    """Yield a run's messages, of which many may come together, one by one in order."""
+    for each in found:
+        yield from (each,) if isinstance(each, tuple) else each.messages()

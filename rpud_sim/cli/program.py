@@ -20,7 +20,7 @@ TRACEBACK = "RPUD_TRACEBACK"
 
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
-_EXTRA_MODULES = ("pyarrow", "pytest", "scipy", "tornado")
+_EXTRA_MODULES = ("emcee", "matplotlib", "pyarrow", "pytest", "scipy", "tornado")
 _EXTRAS = {
     "rpud export": "export",
     "rpud report": "report",

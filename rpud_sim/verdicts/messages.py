@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import Kind
-from rpud_sim.bag.columns import objects, to_plain
+from rpud_sim.bag.columns import objects
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.verdicts.names import SignalField
 from rpud_sim.verdicts.steps import HIGH, LOW
@@ -90,14 +90,6 @@ class Piece:
             raise ExpectationError(f"the messages of the bag have no field {name!r}")
         return self.columns[name]
 
-    def content(self, number: int) -> str:
-        """Return all of a message as text."""
-        if self.columns is None:
-            return repr(self.messages[number])
-        received = ("log_time", "publish_time")
-        fields = [(name, each) for name, each in self.columns.items() if name not in received]
-        return repr([(name, to_plain(values[number])) for name, values in fields])
-
 
 @dataclasses.dataclass(frozen=True)
 class FieldSamples:
@@ -125,29 +117,27 @@ class FieldSamples:
 
 
 class TopicMessages:
-    """Messages of one topic in a span of time, without repetitions, in order of their stamps.
+    """Messages of one topic of a run, in order of their stamps; one that comes twice counts once.
 
     The order does not depend on that of arrival: messages of one stamp are ordered by their numbers
     or counters, where they have some. Reports of one stamp with the same counters are in the order
-    in which the drill published them. ``keep`` says, for each piece, which messages count.
+    in which the drill published them.
     """
 
-    def __init__(self, topic: str, pieces: list[Piece], keep: list[np.ndarray]) -> None:
+    def __init__(self, topic: str, pieces: list[Piece]) -> None:
         self._topic = topic
         self._pieces = pieces
-        chosen = [np.flatnonzero(each) for each in keep]
-        pairs = list(zip(pieces, chosen, strict=True))
-        stamps = np.concatenate([NONE, *(piece.stamps[at] for piece, at in pairs)])
-        self._piece = np.concatenate([NONE, *(np.full(len(at), n) for n, at in enumerate(chosen))])
-        self._row = np.concatenate([NONE, *chosen])
+        stamps = np.concatenate([NONE, *(piece.stamps for piece in pieces)])
+        self._order = np.arange(len(stamps))
         key = self._keys()
         # The drill alone publishes its status, and the middleware keeps the order of a publisher.
         self._in_order = topic == "status"
-        published = np.concatenate([NONE, *(piece.published[at] for piece, at in pairs)])
+        published = np.concatenate([NONE, *(piece.published for piece in pieces)])
         order = np.lexsort((*([published] if self._in_order else []), key, stamps))
-        order = self._without_repetitions(order, stamps, key)
-        self.stamps = stamps[order]
-        self._piece, self._row, self._key = self._piece[order], self._row[order], key[order]
+        if "sequence" in _COUNTERS.get(topic, ()):
+            same = (np.diff(stamps[order]) == 0) & (np.diff(key[order]) == 0)
+            order = order[np.append(np.ones(min(len(order), 1), bool), ~same)]
+        self.stamps, self._order, self._key = stamps[order], order, key[order]
         # Numbers that follow each other show what is missing.
         self._numbered = topic == "contact_force" and len(self.stamps) > 0
 
@@ -182,7 +172,7 @@ class TopicMessages:
 
     def _keys(self) -> np.ndarray:
         names = _COUNTERS.get(self._topic, ())
-        key = np.zeros(len(self._row), np.int64)
+        key = np.zeros(len(self._order), np.int64)
         try:
             for name in names:
                 key += np.array([int(value or 0) for value in self.column(name)], np.int64)
@@ -190,39 +180,12 @@ class TopicMessages:
             raise ExpectationError(f"{self._topic}: {', '.join(names)}: {error!r:.100}") from None
         return key
 
-    def _without_repetitions(
-        self, order: np.ndarray, stamps: np.ndarray, key: np.ndarray
-    ) -> np.ndarray:
-        same = (np.diff(stamps[order]) == 0) & (np.diff(key[order]) == 0)
-        if not same.any():
-            return order
-        edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
-        kept: list[int] = []
-        for first, end in pairwise(edges.tolist()):
-            group = order[first:end].tolist()
-            if len(group) == 1:
-                kept += group
-                continue
-            texts = [self._pieces[self._piece[n]].content(int(self._row[n])) for n in group]
-            if self._in_order:
-                before = [None, *texts[:-1]]
-                kept += [
-                    n for n, text, last in zip(group, texts, before, strict=True) if text != last
-                ]
-            else:
-                contents = dict(zip(texts, group, strict=True))
-                kept += [contents[text] for text in sorted(contents)]
-        return np.array(kept, np.int64)
-
     def _spread(self, name: str) -> np.ndarray:
         """Return the values of a field, those of all pieces in order."""
         parts = [piece.values(name) for piece in self._pieces]
-        if parts and all(isinstance(each, np.ndarray) and each.dtype != object for each in parts):
-            offsets = np.cumsum([0, *map(len, parts)])
-            values: np.ndarray = np.concatenate(parts)[offsets[self._piece] + self._row]
-            return values
-        places = zip(self._piece.tolist(), self._row.tolist(), strict=True)
-        return objects([parts[piece][row] for piece, row in places])
+        if all(isinstance(each, np.ndarray) and each.dtype != object for each in parts) and parts:
+            return np.concatenate(parts)[self._order]
+        return objects([value for part in parts for value in part])[self._order]
 
     def _values(self, field: SignalField) -> np.ndarray:
         column, index = field.column, field.index

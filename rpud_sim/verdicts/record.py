@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import Batch, Column, Kind, TopicSummary
+from rpud_sim.bag import Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.values import Ragged
+from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
@@ -32,74 +33,10 @@ NAMESPACE = "/rpud"
 _STATUS_TYPE = "rpud_msgs/msg/Status"
 
 
-class Entry(NamedTuple):
-    """Entry of the journal, as far as it shows where a run begins."""
-
-    sequence: int  # number of the entry
-    kind: str  # of the entry
-    stamp: int  # of its message [ns]
-    published: int  # that increases in the order of publishing
-    time: int  # simulation time [ns]; 0 where the content has none
-
-
-class LastRun(NamedTuple):
-    """The last run of a recording."""
-
-    runs: int = 0  # number of runs; 0 without a journal
-    begun: Entry | None = None  # entry that begins it; None without a journal
-    before: Entry | None = None  # the entry before that; None if there is none
-
-    @property
-    def origin(self) -> int | None:
-        """Stamp of its simulation time zero [ns]; None without a journal."""
-        return self.begun.stamp - self.begun.time if self.begun else None
-
-    def holds(self, piece: Piece) -> np.ndarray:
-        """Return which messages belong to the run.
-
-        Messages shortly before the entry may belong to it as well, since topics are published one
-        after the other: their stamps decide.
-        """
-        if self.begun is None:
-            return np.ones(len(piece.stamps), bool)
-        after, late = piece.published >= self.begun.published, piece.stamps >= self.begun.stamp
-        if self.before is None:  # the first run: a message may overtake the journal
-            return after | late
-        between = ~after & (piece.published > self.before.published) & late
-        if self.before.stamp >= self.begun.stamp:
-            between &= piece.stamps < self.before.stamp
-        return after | between
-
-
-def _last_run(entries: Sequence[Entry]) -> LastRun:
-    """Return the last run that a journal shows.
-
-    A run begins with an entry ``begin``, or with an ``origin`` that sets the stamps back. Entries
-    of a beginning follow each other at one simulation time.
-    """
-    once = {(entry.sequence, entry.kind, entry.stamp, entry.time): entry for entry in entries[::-1]}
-    # The numbers of one node are the order.
-    one_node = len({entry.sequence for entry in once.values()}) == len(once)
-    ordered = sorted(
-        once.values(), key=lambda each: (0 if one_node else each.published, each.sequence)
-    )
-    found, before = LastRun(), None
-    for entry in ordered:
-        # Before a beginning's entry `origin`, nothing was simulated since its entry `begin`.
-        joins = before is not None and (before.kind, before.time) == ("begin", entry.time)
-        back = before is None or entry.stamp < before.stamp
-        if entry.kind == "origin" and joins:
-            found = found._replace(begun=entry)
-        elif entry.kind == "begin" or (entry.kind == "origin" and back):
-            found = LastRun(found.runs + 1, entry, before)
-        before = entry
-    return found
-
-
 class Record:
     """Messages of some topics, from which expectations take their signals.
 
-    Only the last run counts: a reset of the drill begins a new one, as the journal shows. Topics
+    Of a bag only the last run counts. Live messages are of one run: ``clear`` it at a reset. Topics
     may be added by names relative to ``namespace``, or absolute names.
     """
 
@@ -111,8 +48,8 @@ class Record:
         self._losses: dict[str, int] = {}
         self._notes: dict[str, str] = {}
         self._count = 0
-        self._run: LastRun | None = None
         self._kept: dict[str, TopicMessages] = {}
+        self.runs = 0  # number of runs in the bag; 0 if it has no journal. The last one counts
 
     @classmethod
     def from_bag(
@@ -127,7 +64,8 @@ class Record:
 
         Without ``namespace`` it is that of the only status in the bag. ``progress`` is called with
         the number of messages since its last call. That the topics have the fields which
-        ``expectations`` name is checked before anything is read.
+        ``expectations`` name is checked before anything is read. A RecordingError says why the runs
+        of a bag cannot be told.
         """
         with open_bag(path) as bag:
             known = {summary.topic.name: summary for summary in bag.topics}
@@ -148,8 +86,15 @@ class Record:
             def leave_out(name: str, reason: str) -> None:
                 record._losses[wanted[name]] += 1
 
+            journal = record._absolute("journal")
+            last: RecordedRun | None = None
+            if journal in known and known[journal].message_count:
+                last = runs_of(bag, journal)[-1]
+                record.runs = last.runs
             for batch in bag.tables(list(wanted), leave_out=leave_out) if wanted else ():
-                record._add_batch(wanted[batch.topic], batch)
+                held = last.holds(batch.columns["publish_time"]) if last else slice(None)
+                columns = {name: values[held] for name, values in batch.columns.items()}
+                record._add_columns(wanted[batch.topic], columns)
                 progress(batch.message_count)
         return record
 
@@ -165,25 +110,20 @@ class Record:
         else:
             self._live.setdefault(topic, []).append((int(stamp), self._count, message))
         self._count += 1
-        self._forget()
+        self._kept.clear()
 
     def add_losses(self, topic: str, count: int) -> None:
         """Count messages that were lost on their way, at times that are not known."""
         topic = self._relative(topic)
         self._losses[topic] = self._losses.get(topic, 0) + count
-        self._forget()
+        self._kept.clear()
 
     def clear(self) -> None:
         """Forget all messages, as after a reset of the drill."""
         self._pieces.clear()
         self._live.clear()
         self._losses.clear()
-        self._forget()
-
-    @property
-    def runs(self) -> int:
-        """Number of runs in the recording; 0 if there is no journal. The last one counts."""
-        return self._last_run.runs
+        self._kept.clear()
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -224,15 +164,16 @@ class Record:
             return None
         periodic = [topic for topic in counting if topic in PERIODIC] or counting
         begin = min(int(self.messages(topic).stamps[0]) for topic in periodic)
-        begun = self._last_run.begun
-        if begun and begun.stamp <= begin <= begun.stamp + PERIODIC_HOLD:
-            begin = begun.stamp
+        start, _ = self._start
+        if start is not None and start <= begin <= start + PERIODIC_HOLD:
+            begin = start
         return begin, max(int(self.messages(topic).stamps[-1]) for topic in counting)
 
     def zero(self, topics: Collection[str]) -> int:
         """Return the stamp from which a verdict's times count [ns]: simulation time zero."""
-        if self._last_run.origin is not None:
-            return self._last_run.origin
+        _, zero = self._start
+        if zero is not None:
+            return zero
         span = self.span(topics)
         return span[0] if span else 0
 
@@ -245,9 +186,12 @@ class Record:
     def messages(self, topic: str) -> TopicMessages:
         """Return the messages of a topic in the last run."""
         if topic not in self._kept:
-            pieces = self._all(topic)
-            keep = [self._last_run.holds(each) for each in pieces]
-            self._kept[topic] = TopicMessages(topic, pieces, keep)
+            pieces = list(self._pieces.get(topic, ()))
+            if topic in self._live:
+                stamps, published, messages = zip(*self._live[topic], strict=True)
+                times = np.array(stamps, np.int64), np.array(published, np.int64)
+                pieces.append(Piece(*times, messages=messages))
+            self._kept[topic] = TopicMessages(topic, pieces)
         return self._kept[topic]
 
     def _check(self, expectation: Expectation) -> None:
@@ -259,34 +203,28 @@ class Record:
                     raise ExpectationError(f"{expectation.name}: {error}") from None
 
     @property
-    def _last_run(self) -> LastRun:
-        if self._run is None:
-            self._run = _last_run([*self._journal()])
-        return self._run
+    def _start(self) -> tuple[int | None, int | None]:
+        """Stamps of the run's start and of simulation time zero [ns]; None without a journal.
 
-    def _journal(self) -> Iterable[Entry]:
-        for piece in self._all("journal"):
-            columns = [piece.values(name) for name in ("sequence", "kind", "content")]
-            for sequence, kind, content, stamp, published in zip(
-                *columns, piece.stamps.tolist(), piece.published.tolist(), strict=True
-            ):
-                try:
-                    time = json.loads(str(content))["time"]
-                except (LookupError, RecursionError, TypeError, ValueError):
-                    time = 0
-                time = time if type(time) is int else 0
-                yield Entry(int(sequence), str(kind), stamp, published, time)
+        The journal begins with an entry ``begin``. One named ``origin`` at the same time sets the
+        stamps.
+        """
+        journal, found, begun = self.messages("journal"), (None, None), None
+        names = ("kind", "content")
+        columns = [journal.column(name) for name in names] if len(journal) else [[], []]
+        for kind, content, stamp in zip(*columns, journal.stamps.tolist(), strict=True):
+            try:
+                time = json.loads(str(content))["time"]
+            except (LookupError, RecursionError, TypeError, ValueError):
+                time = 0
+            time = time if type(time) is int else 0
+            if kind == "begin" or (kind == "origin" and begun in (None, time)):
+                begun, found = time, (stamp, stamp - time)
+                if kind == "origin":
+                    return found
+        return found
 
-    def _all(self, topic: str) -> list[Piece]:
-        pieces = list(self._pieces.get(topic, ()))
-        if topic in self._live:
-            stamps, published, messages = zip(*self._live[topic], strict=True)
-            times = np.array(stamps, np.int64), np.array(published, np.int64)
-            pieces.append(Piece(*times, messages=messages))
-        return pieces
-
-    def _add_batch(self, topic: str, batch: Batch) -> None:
-        columns = batch.columns
+    def _add_columns(self, topic: str, columns: Mapping[str, np.ndarray]) -> None:
         if self._columns[topic] and self._columns[topic][0].name == "time":
             stamps = columns["time"]
         elif "header.stamp" in columns:
@@ -324,10 +262,6 @@ class Record:
 
     def _absolute(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"{self._namespace}/{topic}"
-
-    def _forget(self) -> None:
-        self._run = None
-        self._kept.clear()
 
 
 def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:

@@ -52,11 +52,6 @@ def test_few_messages_and_those_without_an_index_have_no_rate(tmp_path, rpud, nu
     assert last == ["/a", STRING, str(number), "-", "unknown"]
 
 
-def test_an_empty_bag_has_no_times(tmp_path, rpud):
-    lines = rpud("info", write_bag(tmp_path / "run", 0))[1].splitlines()
-    assert {"duration  0.000 s", "start     -", "end       -", "messages  0"} <= set(lines)
-
-
 def test_recover_without_a_loss_gives_0(tmp_path, rpud):
     path = write_bag(tmp_path / "run", 11)
     (path / "metadata.yaml").unlink()

@@ -1,6 +1,6 @@
 """Bags of earlier releases: each command that reads them does, and none computes them again.
 
-Their parameter files load, and a name that is not known any more says so.
+Their parameter files load.
 
 `offline_free` is a run without ROS before drilling, `run` a drill in real time from its start on,
 and `stepped` one that was stepped, commanded, reconfigured and given faults, with a resonant
@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import rpud_sim.bag
@@ -21,13 +22,6 @@ ENGINES = {"0.1.0": 1, "0.2.0": 3}
 BAGS = sorted(DATA.glob("*/*"))
 PARAMETER_FILES = sorted(DATA.glob("*.yaml"))
 every_bag = pytest.mark.parametrize("bag", BAGS, ids=lambda bag: f"{bag.parent.name}-{bag.name}")
-
-
-def test_bags_of_every_earlier_release_are_there():
-    assert [f"{bag.parent.name}/{bag.name}" for bag in BAGS] == [
-        *(f"0.1.0/{name}" for name in ("offline_free", "run", "stepped")),
-        *(f"0.2.0/{name}" for name in ("arm", "offline_free", "run", "stepped")),
-    ]
 
 
 @every_bag
@@ -44,17 +38,11 @@ def test_verify_and_fork_say_which_release_proves_it(bag, tmp_path, rpud):
 
 
 @every_bag
-def test_its_contents_are_listed_and_reported(bag, tmp_path, rpud):
+def test_it_is_listed_reported_and_exported(bag, tmp_path, rpud):
     code, out, err = rpud("info", bag, "--json")
     assert (code, err) == (0, "")
     assert json.loads(out)["message_count"] > 90
-    page = tmp_path / "report.html"
-    assert rpud("report", bag, "--out", page)[0] == 0
-    assert page.stat().st_size > 100_000
-
-
-@every_bag
-def test_its_topics_are_exported(bag, tmp_path, rpud):
+    assert rpud("report", bag, "--out", tmp_path / "report.html")[0] == 0
     out = tmp_path / "tables"
     assert rpud("export", bag, "--out", out)[::2] == (0, "")
     force = pq.read_table(out / "rpud.contact_force.parquet")["peak_force"].to_numpy()
@@ -102,13 +90,3 @@ def test_a_parameter_file_of_an_earlier_release_drills(file, rpud):
     code, printed, error = rpud("simulate", "--config", file, "--duration", "0.05")
     assert (code, error) == (0, "")
     assert "drill_tool_impact_rate" in printed
-
-
-def test_a_name_that_is_not_known_any_more_is_told_with_the_nearest(tmp_path, rpud):
-    file = tmp_path / "old.yaml"
-    file.write_text(PARAMETER_FILES[0].read_text().replace("free_mass:", "free_masse:"))
-    code, _, error = rpud("simulate", "--config", file, "--duration", "0.05")
-    assert code == 2
-    assert error.count("\n") == 1
-    assert "free_masse" in error
-    assert "did you mean free_mass?" in error

@@ -82,17 +82,5 @@ def test_a_status_that_nobody_reads_any_more_ends_nothing(monkeypatch, advance):
             show(f"{number} messages")
 
 
-def test_a_status_is_rewritten_on_a_terminal_and_wiped_at_its_end(screen, advance):
-    terminal = screen(True)
-    with status_line("bag") as show:
-        for number in (1, 2):
-            advance(1.0)
-            show(f"{number} messages")
-        assert terminal.getvalue().rpartition("\r")[2].strip() == "bag: 2 messages"
-        assert "\n" not in terminal.getvalue()
-    assert terminal.getvalue().rstrip(" \r").endswith("2 messages")
-    assert terminal.getvalue().endswith("\r")
-
-
 def test_a_table_is_aligned_after_escaping():
     assert table(("name", "n"), [("\x1b", 10)], left=1) == ["name   n", "\\x1b  10"]

@@ -8,7 +8,7 @@ import pytest
 from support import called
 
 from rpud_sim.model.parameters import NAMES
-from rpud_sim.simulation import ensemble, preset
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
@@ -152,15 +152,6 @@ def test_a_scenario_that_cannot_be_used_is_refused_before_anything(
     assert errors.startswith(f"rpud simulate: {file}{complaint}")
     assert errors.count("\n") == 1
     assert not (tmp_path / "bag").exists()
-
-
-def test_a_long_compilation_is_reported(simulate, monkeypatch):
-    def compiling(configuration, tell=lambda text: None, messages=False):
-        tell("it is compiled")
-
-    monkeypatch.setattr(ensemble, "compile_members", compiling)
-    code, _, errors = simulate("--duration", 0.1)
-    assert (code, errors) == (0, "rpud simulate: it is compiled\n")
 
 
 def test_a_command_file_feeds_the_drill(figures, tmp_path):

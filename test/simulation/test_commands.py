@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from support import examples, refusal
 
 from rpud_sim.simulation import Parameters
-from rpud_sim.simulation.commands import Control, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.changes import Change, PlannedChanges, parameter_changes
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.plans import Changes, Planned, parameter_changes
+from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 from rpud_sim.simulation.simulation import Simulation
 
@@ -207,5 +208,5 @@ def test_a_command_file_holds_feeds(tmp_path):
     file.write_text(
         "commands:\n- {time: 0.5, feed: {position: 0.002}}\n- {time: 0, feed: {rate: 1.0e-3}}\n"
     )
-    planned = (Planned(0, Feed("rate", 1e-3)), Planned(500_000_000, Feed("position", 2e-3)))
-    assert read_commands(file) == Changes(planned=planned, replaces_commands=True)
+    planned = (Change(0, Feed("rate", 1e-3)), Change(500_000_000, Feed("position", 2e-3)))
+    assert read_commands(file) == PlannedChanges(planned, replaces_commands=True)

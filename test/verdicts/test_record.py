@@ -50,7 +50,7 @@ def test_messages_of_a_foreign_type_are_one_line():
     with pytest.raises(ExpectationError, match="no field 'kind'"):
         numbered.values("kind")
     with pytest.raises(ExpectationError, match="journal: sequence: OverflowError"):
-        TopicMessages("journal", [numbered], [np.array([True])])
+        TopicMessages("journal", [numbered])
 
 
 @pytest.mark.parametrize(
@@ -188,41 +188,34 @@ def test_an_entry_without_a_time_is_of_time_zero(content):
     record = Record()
     record.add("journal", SECOND, {"sequence": 0, "kind": "begin", "content": content})
     record.add("status", 2 * SECOND, {"weight_on_bit": 10.0})
-    assert (record.runs, record.zero(["status"])) == (1, SECOND)
+    assert record.zero(["status"]) == SECOND
 
 
-def test_the_last_run_counts():
-    record = Record()
-    messages = [
-        entry(0, "begin", 0),
-        entry(1, "origin", 0),
-        ("reacting_force", SECOND // 100, {"force": 90.0}),
-        ("reacting_force", SECOND, {"force": 90.0}),
-        entry(2, "flush", SECOND),
-        ("reacting_force", SECOND // 100, {"force": 10.0}),  # it overtook the journal
-        entry(3, "begin", 0),
-        entry(4, "origin", 0),
-        ("reacting_force", SECOND // 50, {"force": 10.0}),
-    ]
-    for message in messages[:5]:
-        record.add(*message)
-    assert (record.runs, outcome(always(FORCE < "45 N"), record)) == (1, "failed")
-    for message in messages[5:]:
-        record.add(*message)
-    assert (record.runs, outcome(always(FORCE < "45 N"), record)) == (2, "passed")
-    assert outcome(count(Published("reacting_force"), "==", 2), record) == "passed"
-
-
-def test_a_new_origin_ahead_begins_no_run():
+def test_times_count_from_the_first_origin_of_the_run():
     record = Record()
     record.add(*entry(0, "begin", 0))
-    record.add(*entry(1, "origin", 0))
-    record.add("status", SECOND, {"weight_on_bit": 10.0})
-    record.add(*entry(2, "stop", SECOND))
-    record.add(*entry(3, "origin", SECOND, 5 * SECOND))
+    record.add(*entry(1, "origin", 0, 3 * SECOND))
+    record.add("status", 4 * SECOND, {"weight_on_bit": 10.0})
+    record.add(*entry(2, "origin", SECOND, 5 * SECOND))
     record.add("status", 6 * SECOND, {"weight_on_bit": 10.0})
-    assert record.runs == 1
+    assert record.zero(["status"]) == 3 * SECOND
     assert outcome(count(Published("status"), "==", 2), record) == "passed"
+
+
+def test_the_last_run_of_a_bag_counts(faulty_bag, tmp_path):
+    with bags.BagWriter(tmp_path / "bag") as writer, bags.open(faulty_bag) as source:
+        for summary in source.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        for later in (0, 10 * SECOND):
+            for message in source.messages():
+                published = message.publish_time + later
+                writer.write_message(message.topic, message.data, published + 1, published)
+    topics = ["contact_force", "reacting_force", "status"]
+    both, one = (Record.from_bag(path, topics) for path in (tmp_path / "bag", faulty_bag))
+    assert (both.runs, one.runs) == (2, 1)
+    for topic in topics:
+        assert len(both.messages(topic)) == len(one.messages(topic)) > 0
+    assert both.span(topics) == one.span(topics)
 
 
 def test_after_a_clear_the_record_is_empty():

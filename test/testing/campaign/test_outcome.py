@@ -44,7 +44,7 @@ def flight(pool, tmp_path):
             CAMPAIGN.format(system=command, folder=SUPERVISORS, patience=patience, limit=limit)
         )
         campaign = read_campaign(file)
-        drills.append(pool.take(campaign.runs[0].setup, campaign.system.folder))
+        drills.append(pool.take(campaign.runs[0].setup, campaign.system.place))
         return fly(drills[-1], campaign.runs[0], campaign.system, campaign.expectations)
 
     yield start

@@ -40,7 +40,7 @@ def test_a_run_gives_the_same_results_each_time(pool):
     (run,) = [each for each in campaign.runs if each.name == RUN]
     found = []
     for _ in range(REPETITIONS):
-        drill = pool.take(run.setup, campaign.system.folder)
+        drill = pool.take(run.setup, campaign.system.place)
         outcome = fly(drill, run, campaign.system, campaign.expectations)
         found.append((outcome, digest_of(drill)))
         pool.give_back(drill)
