@@ -9,12 +9,23 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from operator import attrgetter
+from typing import Any, TypeAlias
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.batches import SerializedBatch, gathered, items
+from rpud_sim.bag.cdr import (
+    DECODED_LIMIT,
+    HEAD,
+    PADDING,
+    UNUSED,
+    Codec,
+    aligned,
+    is_number,
+    number_dtype,
+)
 from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
@@ -30,6 +41,10 @@ RECEIVED = ("log_time", "publish_time")
 _DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
 _TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
 _FIELD_LINE = re.compile(r"^ *[^\s#]+ +(\w+)[^#\n=]*#+ *(.*?) *$", re.MULTILINE)
+_TEXT = (Nodetype.BASE, ("string", 0))  # type of a text in ``rosbags``
+_LEAST_TOGETHER = 4  # messages; fewer are decoded faster one by one
+_KNOWN_TEXTS = 1000
+_MOST_TEXTS = 1000  # of a list in messages that are read together
 _UNIT = re.compile(r"\[([^][]{1,20})\](?:[,;]|$)")
 
 
@@ -81,8 +96,8 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
     """Return the columns of a type in the order of its fields; messages give one for each field."""
     columns: list[Column] = []
     taken = {*RECEIVED}
-    comments = _comments(codec.type.name, definition)
-    for column in _columns(codec, comments, codec.type.name, "", ""):
+    comments = _comments(codec.type, definition)
+    for column in _columns(codec, comments, codec.type, "", ""):
         name = column.name
         while name in taken:
             name += "_"
@@ -90,7 +105,7 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
         columns.append(replace(column, name=name))
         if len(columns) > COLUMNS_LIMIT:
             raise BagFormatError(
-                f"{codec.type.name:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
+                f"{codec.type:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
             )
     return tuple(columns)
 
@@ -176,6 +191,250 @@ def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
 def usable(values: np.ndarray) -> np.ndarray:
     """Return which values can be counted and drawn: finite ones, and not beyond 1e150."""
     return np.abs(values.astype(float, copy=False)) < _GREATEST
+
+
+@dataclass(frozen=True)
+class FieldValues:
+    """Values of fields of a batch's messages."""
+
+    rows: np.ndarray  # places of the readable messages in the batch, in their order, shape (n,)
+    # values of each column, by its name, in the form of ``Kind``; ``Ragged`` for sequences
+    # of numbers
+    columns: dict[str, np.ndarray | Ragged]
+    errors: tuple[tuple[int, str], ...]  # place of each other message, and the reason
+
+    def array(self, name: str) -> np.ndarray:
+        """Return the values of a column that holds no sequences."""
+        values = self.columns[name]
+        assert not isinstance(values, Ragged)
+        return values
+
+
+class FieldReader:
+    """Reader of some columns of one type, from many messages together.
+
+    It goes from field to field in all messages at once. Messages that are not as the others, and
+    all of a type with lists of messages, are decoded one by one.
+    """
+
+    def __init__(self, codec: Codec, columns: Sequence[Column]) -> None:
+        self._codec = codec
+        self._columns = tuple(columns)
+        self._fields = _flat_fields(codec, codec.type, "")
+
+    def read(self, batch: SerializedBatch) -> FieldValues:
+        """Return the values of messages; those that are not of the type are among the errors."""
+        together = np.arange(len(batch) if self._fields is not None else 0)
+        found: dict[str, np.ndarray | Ragged] = {}
+        while len(together) >= _LEAST_TOGETHER:
+            try:
+                fields = _Walk(self._codec, batch.part(together)).read(self._fields or ())
+                found = {each.name: _column(each, fields) for each in self._columns}
+                break
+            except _OddMessages as odd:
+                together = together[~odd.messages]
+        else:
+            together = together[:0]
+        single: list[int] = []
+        errors: list[tuple[int, str]] = []
+        values: dict[str, list[Any]] = {each.name: [] for each in self._columns}
+        for row in np.setdiff1d(np.arange(len(batch)), together).tolist():
+            try:
+                message = self._codec.decode(batch.message(row))
+            except BagFormatError as error:
+                errors.append((row, str(error)))
+                continue
+            single.append(row)
+            for each in self._columns:
+                values[each.name].append(attrgetter(each.attribute)(message))
+        rows = np.concatenate([together, np.array(single, np.intp)])
+        order = np.argsort(rows)
+        columns = {}
+        for each in self._columns:
+            own = _column_of(each, values[each.name])
+            columns[each.name] = _joined(each, found[each.name], own, order) if found else own
+        return FieldValues(rows[order], columns, tuple(errors))
+
+
+def _flat_fields(
+    codec: Codec, type_name: str, prefix: str
+) -> list[tuple[str, Nodetype, Any]] | None:
+    """Return path and type of each field, also of members; None with lists of messages."""
+    found: list[tuple[str, Nodetype, Any]] = []
+    fields = codec.fields(type_name)
+    for name, (node, described) in fields:
+        if node == Nodetype.NAME:
+            inner = _flat_fields(codec, described, f"{prefix}{name}.")
+            if inner is None:
+                return None
+            found += inner
+        elif node != Nodetype.BASE and described[0][0] == Nodetype.NAME:
+            return None
+        else:
+            found.append((prefix + name, node, described))
+    if not fields:
+        found.append((prefix, Nodetype.BASE, ("uint8", 0)))  # CDR needs a field
+    return found
+
+
+class _OddMessages(Exception):  # noqa: N818 - it is no error of a user's
+    """Messages that cannot be read together with the others."""
+
+    def __init__(self, messages: np.ndarray) -> None:
+        super().__init__()
+        self.messages = messages  # whether each is one, shape (n,)
+
+
+# Place or length in messages: one for all, or of each.
+_Places: TypeAlias = "int | np.ndarray"
+
+
+class _Walk:
+    """Walk from field to field in all messages of a batch at once."""
+
+    def __init__(self, codec: Codec, batch: SerializedBatch) -> None:
+        self._codec = codec
+        self._data, self._starts, self._sizes = batch.data, batch.starts, batch.sizes
+        self._place: _Places = HEAD
+        self._memory: _Places = codec.shape.memory
+        self._spare: _Places = PADDING
+
+    def read(self, fields: Sequence[tuple[str, Nodetype, Any]]) -> dict[str, np.ndarray | Ragged]:
+        """Return the values of each field by its path; a row of numbers for each message."""
+        self._check(self._sizes >= HEAD)
+        self._check(items(self._data, "<u2")[self._starts] == 0x0100)  # little-endian
+        found: dict[str, np.ndarray | Ragged] = {}
+        for path, node, described in fields:
+            element, count = ((node, described), 1) if node == Nodetype.BASE else described
+            if node == Nodetype.SEQUENCE:
+                shape = self._codec.shape_of(*element)
+                count = self._length(shape.size, self._codec.element_memory(*element))
+            if is_number(*element):
+                found[path] = self._numbers(number_dtype(element[1][0]), count)
+            elif node == Nodetype.BASE:
+                found[path] = objects(self._texts())
+            else:
+                found[path] = objects(self._lists_of_texts(count))
+        end = np.asarray(self._place)
+        self._check((end <= self._sizes) & (self._sizes <= end + self._spare))
+        self._check(np.asarray(self._memory) <= DECODED_LIMIT)
+        return found
+
+    def _check(self, fits: np.ndarray) -> None:
+        if not fits.all():
+            raise _OddMessages(~np.broadcast_to(fits, len(self._starts)))
+
+    def _reach(self, size: _Places) -> None:
+        self._check(np.asarray(self._place + size) <= self._sizes)
+
+    def _length(self, least: int, memory: int) -> _Places:
+        self._place = aligned(self._place, 4)
+        self._reach(4)
+        counts = items(self._data, "<u4")[self._starts + self._place].astype(np.int64)
+        count: _Places = int(counts[0]) if (counts == counts[0]).all() else counts
+        self._place = self._place + 4
+        self._reach(count * least)
+        self._memory = self._memory + count * memory
+        self._spare = self._spare + UNUSED * np.equal(count, 0)
+        return count
+
+    def _numbers(self, dtype: np.dtype, count: _Places) -> np.ndarray | Ragged:
+        size = dtype.itemsize
+        if isinstance(count, np.ndarray):
+            self._place = np.where(count > 0, aligned(self._place, size), self._place)
+        elif count:
+            self._place = aligned(self._place, size)
+        self._reach(count * size)
+        starts = self._starts + self._place
+        self._place = self._place + count * size
+        if not isinstance(count, np.ndarray) and count == 1:
+            return items(self._data, dtype)[starts][:, None]
+        counts = np.broadcast_to(count, len(starts))
+        values = gathered(self._data, starts, counts * size).view(dtype)
+        if isinstance(count, np.ndarray):
+            return Ragged.of_counts(values, count)
+        return values.reshape(len(starts), count)
+
+    def _texts(self) -> list[str]:
+        counts = self._length(1, self._codec.shape_of(*_TEXT).growth)
+        self._check(np.asarray(counts) >= 1)
+        starts = self._starts + self._place
+        self._place = self._place + counts
+        self._check(self._data[self._starts + self._place - 1] == 0)
+        ends = starts + counts - 1
+        known: dict[bytes, str] = {}  # equal ones are decoded once, as a frame's name
+        view, odd, found = self._data.data, [], []
+        for row, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
+            content = bytes(view[start:end])
+            if content not in known:
+                if len(known) >= _KNOWN_TEXTS:
+                    known.clear()
+                try:
+                    known[content] = content.decode()
+                except UnicodeDecodeError:
+                    odd.append(row)
+                    known[content] = ""
+            found.append(known[content])
+        if odd:
+            self._check(~np.isin(np.arange(len(starts)), odd))
+        return found
+
+    def _lists_of_texts(self, count: _Places) -> list[list[str]]:
+        if isinstance(count, np.ndarray):
+            self._check(count == count[0])
+        if int(np.max(count)) > _MOST_TEXTS:
+            self._check(np.zeros(len(self._starts), bool))
+        elements = [self._texts() for _ in range(int(np.max(count)))]
+        rows = zip(*elements, strict=True) if elements else [()] * len(self._starts)
+        return [list(row) for row in rows]
+
+
+def _column(column: Column, fields: Mapping[str, np.ndarray | Ragged]) -> np.ndarray | Ragged:
+    """Return the values of a column from those of fields by their paths."""
+    if column.kind in (Kind.TIME, Kind.DURATION):
+        seconds, rest = (fields[f"{column.attribute}.{part}"] for part in ("sec", "nanosec"))
+        assert isinstance(seconds, np.ndarray)
+        assert isinstance(rest, np.ndarray)
+        return seconds[:, 0].astype(np.int64) * SECOND + rest[:, 0]
+    values = fields[column.attribute]
+    if column.kind in (Kind.TEXT, Kind.NESTED):
+        return values
+    if isinstance(values, Ragged):
+        return Ragged(_numbers_of(column, values.values), values.cuts)
+    values = _numbers_of(column, values)
+    if column.kind is Kind.SEQUENCE:
+        return Ragged.of_counts(values.reshape(-1), np.full(len(values), values.shape[1]))
+    return values[:, 0] if column.kind is Kind.NUMBER else values
+
+
+def _numbers_of(column: Column, values: np.ndarray) -> np.ndarray:
+    values = values != 0 if column.dtype.kind == "b" else values
+    return values.astype(column.dtype, copy=False)
+
+
+def _column_of(column: Column, values: list[Any]) -> np.ndarray | Ragged:
+    """Return the values of a column from those of decoded messages."""
+    if not values:
+        return column.empty
+    if column.kind in (Kind.TIME, Kind.DURATION):
+        return np.array([each.sec * SECOND + each.nanosec for each in values], np.int64)
+    if column.kind is Kind.SEQUENCE:
+        return Ragged.of(values, column.dtype)
+    if column.kind in (Kind.TEXT, Kind.NESTED):
+        return objects([to_plain(each) for each in values])
+    return np.array(values, column.dtype)
+
+
+def _joined(
+    column: Column, first: np.ndarray | Ragged, second: np.ndarray | Ragged, order: np.ndarray
+) -> np.ndarray | Ragged:
+    if isinstance(first, Ragged) and isinstance(second, Ragged):
+        if not len(second):
+            return first
+        return Ragged.of(objects([*first.rows(), *second.rows()])[order], column.dtype)
+    assert isinstance(first, np.ndarray)
+    assert isinstance(second, np.ndarray)
+    return np.concatenate([first, second])[order] if len(second) else first
 
 
 # Column with the exact time of each row.

@@ -14,10 +14,11 @@ import numpy as np
 
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.batches import joined as joined_batches
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.cdr import Codec, Shape
 from rpud_sim.bag.columns import (
     RECEIVED,
     Column,
+    FieldReader,
     Kind,
     columns_of,
     holds_rows,
@@ -26,8 +27,6 @@ from rpud_sim.bag.columns import (
     to_rows,
 )
 from rpud_sim.bag.errors import BagError, BagFormatError
-from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.layout import MessageType
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.values import Ragged
@@ -234,7 +233,7 @@ class Tables:
 
         for whole in blocks:
             name = whole.topic
-            for block, share in _divided(whole, tables[name].codec.type, limit):
+            for block, share in _divided(whole, tables[name].codec.shape, limit):
                 # A batch of one block is made at once. What waits must not keep the chunk.
                 alone = share >= 1.0 and not waiting[name]
                 waiting[name].append(block if alone else block.packed())
@@ -269,7 +268,7 @@ def _memory(block: SerializedBatch) -> int:
 
 
 def _divided(
-    block: SerializedBatch, kind: MessageType, limit: int
+    block: SerializedBatch, kind: Shape, limit: int
 ) -> Iterator[tuple[SerializedBatch, float]]:
     """Yield a block in parts, and the share of a batch that each fills; ``limit`` is in bytes.
 

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.interfaces import Nodetype
+from rpud_sim.recorded.recorded_journal import installed_codec
 from sensor_msgs.msg import JointState
 
 from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.encoder import CODES, TEXT, Encoder
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.values import Ragged
-from rpud_sim.recorded.recorded_journal import installed_codec
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
 

@@ -8,9 +8,8 @@ from sample_bags import SEPARATOR, batch_of, serialized
 from support import examples
 
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Kind, columns_of, to_plain
+from rpud_sim.bag.columns import FieldReader, Kind, columns_of, to_plain
 from rpud_sim.bag.encoder import Decoded
-from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.foundation.values import Ragged
 
 PARTS = f"""
