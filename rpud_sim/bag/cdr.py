@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-from rosbags.serde.utils import SIZEMAP
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rpud_sim.bag.encoder import CODES, Decoded, Encoder, Members, Sequence
+from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
 
 if TYPE_CHECKING:
@@ -34,7 +33,6 @@ _MEMBER = 500  # a message within a message
 _FIELD = 100
 _BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
 _LEAST_NUMBER = 10  # in sequences and arrays: Parquet adds levels to each
-_TEXT = "string"
 _LEAST_TEXT = 5  # its length, and the zero at its end
 
 _SEPARATOR = re.compile(r"^={80}\nMSG: ", re.MULTILINE)
@@ -66,11 +64,12 @@ class Codec:
                 f"the definition of {type_name:.80} has {len(definition)} characters; "
                 f"at most {DEFINITION_LIMIT} are read"
             )
-        self._readers: dict[str, dict[str, _Reader]] = {">": {}, "<": {}}  # by order and type
-        self._shapes: dict[str, Shape] = {}
+        self._shapes: dict[str, Shape] = {}  # by type
+        self._readers: dict[tuple[str, str], _Reader] = {}  # by order of bytes and type
         with self._understanding("definition"):
             self._types = _types_of(definition, type_name)
-            self.shape = self._shape_of_member(type_name)
+            self.members = self._members(type_name, {})
+            self.shape = self.shape_of(self.members)
 
     @property
     def type_hash(self) -> str:
@@ -78,10 +77,6 @@ class Codec:
         store = get_typestore(Stores.EMPTY)
         store.register(self._types)
         return str(store.hash_rihs01(self.type))
-
-    def fields(self, type_name: str) -> list[tuple[str, Any]]:
-        """Return name and type, in ``rosbags``, of each field of this type or one that it needs."""
-        return self._types[type_name][1]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
         """Return a serialized message; values and errors are those of ``Encoder.encode``."""
@@ -94,7 +89,7 @@ class Codec:
             if order is None:
                 raise ValueError("its encapsulation is not plain CDR")
             cursor = _Cursor(data, order, self.shape.memory)
-            value = self._member(self.type, order)(cursor)
+            value = self._reader(order, self.members)(cursor)
             if not cursor.place <= len(data) <= cursor.place + cursor.spare:
                 raise ValueError(f"{len(data) - cursor.place} bytes follow its last field")
             return value
@@ -105,85 +100,85 @@ class Codec:
 
     @cached_property
     def encoder(self) -> Encoder:
-        return Encoder(self._members(self.type))
+        return Encoder(self.members)
 
-    def _members(self, name: str) -> Members:
-        return Members(tuple((own, self._encoded(*kind)) for own, kind in self.fields(name)))
-
-    def _encoded(self, node: Nodetype, described: Any) -> Any:
-        if node == Nodetype.NAME:
-            return self._members(described)
-        if node == Nodetype.SEQUENCE:
-            return Sequence(self._encoded(*described[0]))
-        if node == Nodetype.BASE and described[0] in CODES:
-            return CODES[described[0]]
-        raise BagFormatError(f"no message with a member {described!r:.80} can be written")
-
-    def shape_of(self, node: Nodetype, described: Any) -> Shape:
-        """Return the bounds of a field, or of an element of a sequence or array."""
-        if node == Nodetype.NAME:
-            return self._shape_of_member(described)
-        if node == Nodetype.BASE:
-            text = described[0] == _TEXT
-            size, growth = (_LEAST_TEXT, _BYTE) if text else (SIZEMAP[described[0]], 0)
-            return Shape(1, _FIELD, size, growth)
-        element, count = described
-        each, memory = self.shape_of(*element), self.element_memory(*element)
-        if node == Nodetype.SEQUENCE:
-            return Shape(1, _FIELD, 4, max(-(-memory // each.size), each.growth))
-        fields = 1 if is_number(*element) else 1 + count * each.fields
-        return Shape(fields, _FIELD + count * memory, count * each.size, each.growth)
-
-    def element_memory(self, node: Nodetype, described: Any) -> int:
-        """Return the memory of an element without its texts and sequences [bytes]."""
-        shape = self.shape_of(node, described)
-        number = is_number(node, described)
-        return max(_LEAST_NUMBER, shape.size * _BYTE) if number else shape.memory
-
-    def _shape_of_member(self, name: str) -> Shape:
-        if name not in self._shapes:
-            fields = self.fields(name)
-            # CDR needs a field, also of a type without one.
-            parts = [self.shape_of(*field) for _, field in fields] or [Shape(1, _FIELD, 1, 0)]
-            counts, memory, size, growth = zip(*parts, strict=True)
-            if sum(counts) > FIELDS_LIMIT:
-                raise BagFormatError(
-                    f"{name:.80} has {sum(counts)} fields with those of its members; "
-                    f"at most {FIELDS_LIMIT} are read"
-                )
+    def _members(self, name: str, known: dict[str, Members]) -> Members:
+        if name not in known:
+            fields = self._types[name][1]
             if len(dict(fields)) < len(fields):
                 raise ValueError(f"{name:.80} has two fields of one name")
-            shape = Shape(1 + sum(counts), _MEMBER + sum(memory), max(1, sum(size)), max(growth))
-            self._shapes[name] = shape
-        return self._shapes[name]
+            found = tuple((own, self._node(known, *kind)) for own, kind in fields)
+            known[name] = Members(found, name)
+        return known[name]
 
-    def _member(self, name: str, order: str) -> _Reader:
-        readers = self._readers[order]
-        if name not in readers:
-            fields = [(own, self._reader(order, *kind)) for own, kind in self.fields(name)]
-
-            def read(cursor: _Cursor) -> Decoded:
-                if not fields:
-                    cursor.place += 1
-                return Decoded(name, {own: reader(cursor) for own, reader in fields})
-
-            readers[name] = read
-        return readers[name]
-
-    def _reader(self, order: str, node: Nodetype, described: Any) -> _Reader:
+    def _node(self, known: dict[str, Members], node: Nodetype, described: Any) -> Node:
+        """Return a type in ``rosbags`` as an encoder has it."""
         if node == Nodetype.NAME:
-            return self._member(described, order)
+            return self._members(described, known)
         if node == Nodetype.BASE:
-            return _Cursor.text if described[0] == _TEXT else _number_reader(order, described[0])
+            return CODES[described[0]]
         element, count = described
-        length: Callable[[_Cursor], int] = lambda cursor: count  # noqa: E731
-        if node == Nodetype.SEQUENCE:
-            least, memory = self.shape_of(*element).size, self.element_memory(*element)
-            length = partial(_Cursor.length, least=least, memory=memory)
-        if is_number(*element):
-            return _numbers_reader(order, element[1][0], length)
-        read = self._reader(order, *element)
+        return Sequence(self._node(known, *element), count if node == Nodetype.ARRAY else None)
+
+    def shape_of(self, node: Node) -> Shape:
+        """Return the bounds of a field, or of an element of a sequence or array."""
+        if isinstance(node, Members):
+            if node.name not in self._shapes:
+                # CDR needs a field, also of a type without one.
+                parts = [self.shape_of(each) for _, each in node.members] or [_NO_FIELDS]
+                counts, memory, size, growth = map(sum, zip(*parts, strict=True))
+                if counts > FIELDS_LIMIT:
+                    raise BagFormatError(
+                        f"{node.name:.80} has {counts} fields with those of its members; "
+                        f"at most {FIELDS_LIMIT} are read"
+                    )
+                growth = max(each.growth for each in parts)
+                shape = Shape(1 + counts, _MEMBER + memory, max(1, size), growth)
+                self._shapes[node.name] = shape
+            return self._shapes[node.name]
+        if isinstance(node, str):
+            size = np.dtype(node).itemsize if node != TEXT else _LEAST_TEXT
+            return Shape(1, _FIELD, size, _BYTE if node == TEXT else 0)
+        each, memory = self.shape_of(node.element), self.element_memory(node.element)
+        if node.length is None:
+            return Shape(1, _FIELD, 4, max(-(-memory // each.size), each.growth))
+        fields = 1 if is_number(node.element) else 1 + node.length * each.fields
+        memory = _FIELD + node.length * memory
+        return Shape(fields, memory, node.length * each.size, each.growth)
+
+    def element_memory(self, node: Node) -> int:
+        """Return the memory of an element without its texts and sequences [bytes]."""
+        shape = self.shape_of(node)
+        return max(_LEAST_NUMBER, shape.size * _BYTE) if is_number(node) else shape.memory
+
+    def _reader(self, order: str, node: Node) -> _Reader:
+        if isinstance(node, str):
+            return _Cursor.text if node == TEXT else _number_reader(order, node)
+        if isinstance(node, Members):
+            key = order, node.name
+            if key not in self._readers:
+                self._readers[key] = self._member_reader(order, node)
+            return self._readers[key]
+        count = node.length
+        if count is None:
+            least, memory = self.shape_of(node.element).size, self.element_memory(node.element)
+            length: _Reader = partial(_Cursor.length, least=least, memory=memory)
+        else:
+            length = lambda cursor: count  # noqa: E731
+        if isinstance(node.element, str) and node.element != TEXT:
+            return _numbers_reader(order, node.element, length)
+        read = self._reader(order, node.element)
         return lambda cursor: [read(cursor) for _ in range(length(cursor))]
+
+    def _member_reader(self, order: str, node: Members) -> _Reader:
+        fields = [(name, self._reader(order, each)) for name, each in node.members]
+
+        def read(cursor: _Cursor) -> Decoded:
+            if not fields:
+                cursor.place += 1
+            return Decoded(node.name, {name: reader(cursor) for name, reader in fields})
+
+        return read
 
     @contextmanager
     def _understanding(self, what: str) -> Iterator[None]:
@@ -196,14 +191,16 @@ class Codec:
             ) from error
 
 
-def is_number(node: Nodetype, described: Any) -> bool:
-    """Return whether a type in ``rosbags`` is a number."""
-    return node == Nodetype.BASE and described[0] != _TEXT
+_NO_FIELDS = Shape(1, _FIELD, 1, 0)
 
 
-def number_dtype(kind: str, order: str = "<") -> np.dtype:
+def is_number(node: Node) -> bool:
+    return isinstance(node, str) and node != TEXT
+
+
+def number_dtype(code: str, order: str = "<") -> np.dtype:
     """Return the dtype of a number in messages, where a bool may be any byte."""
-    return np.dtype(np.uint8 if kind == "bool" else order + CODES[kind])
+    return np.dtype(np.uint8 if code == "?" else order + code)
 
 
 def aligned(place: Any, size: int) -> Any:
@@ -255,9 +252,8 @@ class _Cursor:
 _Reader = Callable[[_Cursor], Any]
 
 
-def _number_reader(order: str, kind: Any) -> _Reader:
-    size = SIZEMAP[kind]
-    unpack = struct.Struct(order + CODES[kind]).unpack_from
+def _number_reader(order: str, code: str) -> _Reader:
+    unpack, size = struct.Struct(order + code).unpack_from, np.dtype(code).itemsize
 
     def read(cursor: _Cursor) -> Any:
         place = aligned(cursor.place, size)
@@ -267,8 +263,8 @@ def _number_reader(order: str, kind: Any) -> _Reader:
     return read
 
 
-def _numbers_reader(order: str, kind: str, length: Callable[[_Cursor], int]) -> _Reader:
-    dtype, own = number_dtype(kind, order), np.dtype(CODES[kind])
+def _numbers_reader(order: str, code: str, length: _Reader) -> _Reader:
+    dtype, own = number_dtype(code, order), np.dtype(code)
 
     def read(cursor: _Cursor) -> np.ndarray:
         if count := length(cursor):

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
-from itertools import pairwise
 from operator import attrgetter
 from typing import Any, TypeAlias
 
 import numpy as np
-from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.batches import SerializedBatch, gathered, items
 from rpud_sim.bag.cdr import (
@@ -23,10 +20,10 @@ from rpud_sim.bag.cdr import (
     UNUSED,
     Codec,
     aligned,
-    is_number,
     number_dtype,
 )
-from rpud_sim.bag.encoder import Decoded
+from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Members, Node
+from rpud_sim.bag.encoder import Sequence as Several
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged
@@ -38,10 +35,8 @@ COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 # Columns of every table; a field with such a name gets underscores until it is unique.
 RECEIVED = ("log_time", "publish_time")
 
-_DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
 _TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
 _FIELD_LINE = re.compile(r"^ *[^\s#]+ +(\w+)[^#\n=]*#+ *(.*?) *$", re.MULTILINE)
-_TEXT = (Nodetype.BASE, ("string", 0))  # type of a text in ``rosbags``
 _LEAST_TOGETHER = 4  # messages; fewer are decoded faster one by one
 _KNOWN_TEXTS = 1000
 _MOST_TEXTS = 1000  # of a list in messages that are read together
@@ -69,7 +64,7 @@ _TIME_KINDS = {
     "builtin_interfaces/msg/Time": Kind.TIME,
     "builtin_interfaces/msg/Duration": Kind.DURATION,
 }
-_TIME_FIELDS = [("sec", ("int32", 0)), ("nanosec", ("uint32", 0))]
+_TIME_MEMBERS = (("sec", CODES["int32"]), ("nanosec", CODES["uint32"]))
 
 
 @dataclass(frozen=True)
@@ -97,7 +92,7 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
     columns: list[Column] = []
     taken = {*RECEIVED}
     comments = _comments(codec.type, definition)
-    for column in _columns(codec, comments, codec.type, "", ""):
+    for column in _columns(codec.members, comments, "", ""):
         name = column.name
         while name in taken:
             name += "_"
@@ -111,42 +106,29 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
 
 
 def _columns(
-    codec: Codec,
-    comments: dict[tuple[str, str], str],
-    type_name: str,
-    names: str,
-    outer_unit: str,
+    members: Members, comments: dict[tuple[str, str], str], prefix: str, outer_unit: str
 ) -> Iterator[Column]:
-    for name, (node, description) in codec.fields(type_name):
-        comment = comments.get((type_name, name), "")
+    for name, node in members.members:
+        comment = comments.get((members.name, name), "")
         units = _UNIT.findall(comment)
         unit = units[0] if len(units) == 1 else outer_unit
-        name = names + name
-
-        column = partial(Column, name, unit=unit, description=comment, attribute=name)
-        if node == Nodetype.BASE:
-            dtype = _dtype(description)
-            yield column(Kind.NUMBER, dtype) if dtype else column(Kind.TEXT)
-        elif node == Nodetype.NAME and (kind := _time_kind(codec, description)):
-            yield column(kind, np.dtype(np.int64))
-        elif node == Nodetype.NAME:
-            yield from _columns(codec, comments, description, f"{name}.", unit)
-        else:
-            (element, item), length = description
-            dtype = _dtype(item) if element == Nodetype.BASE else None
-            if dtype is None:
-                yield column(Kind.NESTED)
-            elif node == Nodetype.ARRAY:
-                yield column(Kind.ARRAY, dtype, length)
+        path = prefix + name
+        column = partial(Column, path, unit=unit, description=comment, attribute=path)
+        if isinstance(node, str):
+            yield column(Kind.TEXT) if node == TEXT else column(Kind.NUMBER, np.dtype(node))
+        elif isinstance(node, Members):
+            # A bag may define these types otherwise.
+            kind = _TIME_KINDS.get(node.name) if node.members == _TIME_MEMBERS else None
+            if kind is None:
+                yield from _columns(node, comments, f"{path}.", unit)
             else:
-                yield column(Kind.SEQUENCE, dtype)
-
-
-def _time_kind(codec: Codec, type_name: str) -> Kind | None:
-    """Return the kind of a time or duration; a bag may define these types otherwise."""
-    if [(name, kind[1]) for name, kind in codec.fields(type_name)] != _TIME_FIELDS:
-        return None
-    return _TIME_KINDS.get(type_name)
+                yield column(kind, np.dtype(np.int64))
+        elif not (isinstance(node.element, str) and node.element != TEXT):
+            yield column(Kind.NESTED)
+        elif node.length is None:
+            yield column(Kind.SEQUENCE, np.dtype(node.element))
+        else:
+            yield column(Kind.ARRAY, np.dtype(node.element), node.length)
 
 
 def objects(values: Sequence[Any]) -> np.ndarray:
@@ -166,12 +148,6 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, Decoded):
         return {name: to_plain(item) for name, item in vars(value).items()}
     return value
-
-
-def _dtype(base: tuple[str, int]) -> np.dtype | None:
-    """Return the dtype of a primitive type; None for a text."""
-    name, _ = base
-    return None if name == "string" else _DTYPES.get(name) or np.dtype(name)
 
 
 def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
@@ -220,7 +196,7 @@ class FieldReader:
     def __init__(self, codec: Codec, columns: Sequence[Column]) -> None:
         self._codec = codec
         self._columns = tuple(columns)
-        self._fields = _flat_fields(codec, codec.type, "")
+        self._fields = _flat_fields(codec.members)
 
     def read(self, batch: SerializedBatch) -> FieldValues:
         """Return the values of messages; those that are not of the type are among the errors."""
@@ -256,25 +232,20 @@ class FieldReader:
         return FieldValues(rows[order], columns, tuple(errors))
 
 
-def _flat_fields(
-    codec: Codec, type_name: str, prefix: str
-) -> list[tuple[str, Nodetype, Any]] | None:
+def _flat_fields(members: Members, prefix: str = "") -> list[tuple[str, Node]] | None:
     """Return path and type of each field, also of members; None with lists of messages."""
-    found: list[tuple[str, Nodetype, Any]] = []
-    fields = codec.fields(type_name)
-    for name, (node, described) in fields:
-        if node == Nodetype.NAME:
-            inner = _flat_fields(codec, described, f"{prefix}{name}.")
+    found: list[tuple[str, Node]] = []
+    for name, node in members.members:
+        if isinstance(node, Members):
+            inner = _flat_fields(node, f"{prefix}{name}.")
             if inner is None:
                 return None
             found += inner
-        elif node != Nodetype.BASE and described[0][0] == Nodetype.NAME:
-            return None
+        elif isinstance(node, str) or isinstance(node.element, str):
+            found.append((prefix + name, node))
         else:
-            found.append((prefix + name, node, described))
-    if not fields:
-        found.append((prefix, Nodetype.BASE, ("uint8", 0)))  # CDR needs a field
-    return found
+            return None
+    return found or [(prefix, CODES["uint8"])]  # CDR needs a field
 
 
 class _OddMessages(Exception):  # noqa: N818 - it is no error of a user's
@@ -299,22 +270,26 @@ class _Walk:
         self._memory: _Places = codec.shape.memory
         self._spare: _Places = PADDING
 
-    def read(self, fields: Sequence[tuple[str, Nodetype, Any]]) -> dict[str, np.ndarray | Ragged]:
+    def read(self, fields: Sequence[tuple[str, Node]]) -> dict[str, np.ndarray | Ragged]:
         """Return the values of each field by its path; a row of numbers for each message."""
         self._check(self._sizes >= HEAD)
         self._check(items(self._data, "<u2")[self._starts] == 0x0100)  # little-endian
         found: dict[str, np.ndarray | Ragged] = {}
-        for path, node, described in fields:
-            element, count = ((node, described), 1) if node == Nodetype.BASE else described
-            if node == Nodetype.SEQUENCE:
-                shape = self._codec.shape_of(*element)
-                count = self._length(shape.size, self._codec.element_memory(*element))
-            if is_number(*element):
-                found[path] = self._numbers(number_dtype(element[1][0]), count)
-            elif node == Nodetype.BASE:
-                found[path] = objects(self._texts())
-            else:
+        for path, node in fields:
+            if isinstance(node, str):
+                found[path] = (
+                    objects(self._texts()) if node == TEXT else self._numbers(number_dtype(node), 1)
+                )
+                continue
+            assert isinstance(node, Several)
+            count: _Places | None = node.length
+            if count is None:
+                least = self._codec.shape_of(node.element).size
+                count = self._length(least, self._codec.element_memory(node.element))
+            if node.element == TEXT:
                 found[path] = objects(self._lists_of_texts(count))
+            else:
+                found[path] = self._numbers(number_dtype(str(node.element)), count)
         end = np.asarray(self._place)
         self._check((end <= self._sizes) & (self._sizes <= end + self._spare))
         self._check(np.asarray(self._memory) <= DECODED_LIMIT)
@@ -356,7 +331,7 @@ class _Walk:
         return values.reshape(len(starts), count)
 
     def _texts(self) -> list[str]:
-        counts = self._length(1, self._codec.shape_of(*_TEXT).growth)
+        counts = self._length(1, self._codec.shape_of(TEXT).growth)
         self._check(np.asarray(counts) >= 1)
         starts = self._starts + self._place
         self._place = self._place + counts
@@ -435,97 +410,3 @@ def _joined(
     assert isinstance(first, np.ndarray)
     assert isinstance(second, np.ndarray)
     return np.concatenate([first, second])[order] if len(second) else first
-
-
-# Column with the exact time of each row.
-TIME = Column("time", Kind.TIME, np.dtype(np.int64), description="of the sample or segment")
-
-# Columns from which the time of a row is calculated, by type.
-_TIME_COLUMNS = {
-    "rpud_msgs/msg/Trajectory": {"origin", "sequence", "start_seconds", "start_fraction"},
-    "rpud_msgs/msg/Waveform": {"header.stamp", "sample_period", "sequence"},
-}
-_MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
-
-
-def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
-    """Return whether messages of a type with these columns are blocks of rows."""
-    names = {column.name for column in columns}
-    simple = all(column.kind not in (Kind.ARRAY, Kind.NESTED) for column in columns)
-    return type_name in _TIME_COLUMNS and _TIME_COLUMNS[type_name] <= names and simple
-
-
-def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """Return the columns of the table of rows: ``TIME``, and numbers in place of sequences."""
-    return (
-        TIME,
-        *(
-            replace(column, kind=Kind.NUMBER) if column.kind is Kind.SEQUENCE else column
-            for column in columns
-        ),
-    )
-
-
-def to_rows(
-    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Ragged]
-) -> dict[str, np.ndarray]:
-    """Return the values of ``row_columns``, one for each row, from those of each block.
-
-    Each row has the values that its block has once. ``sequence`` is the number of the row.
-    """
-    sequences = {name: each for name, each in blocks.items() if isinstance(each, Ragged)}
-    single = {name: each for name, each in blocks.items() if not isinstance(each, Ragged)}
-    first = next(iter(sequences))
-    counts = sequences[first].counts
-    for name, each in sequences.items():
-        for row in np.flatnonzero(counts != each.counts):
-            raise BagFormatError(f"{name} has {each.counts[row]} values, and {first} {counts[row]}")
-    rows = {
-        column.name: sequences[column.name].values
-        if column.name in sequences
-        else np.repeat(single[column.name], counts)
-        for column in columns
-    }
-    numbers = np.arange(len(rows["sequence"])) - np.repeat(np.cumsum(counts) - counts, counts)
-    if "sample_period" in rows:
-        time = _sample_times(single, counts)
-    else:
-        time = rows["origin"] + _starts(rows["start_seconds"], rows["start_fraction"])
-    rows["sequence"] = rows["sequence"] + numbers.astype(np.uint64)
-    return {TIME.name: time, **rows}
-
-
-def _starts(seconds: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-    """Return the starts of segments since simulation time zero [ns]."""
-    fits = (seconds >= 0) & (seconds < _MAX_DURATION) & (fractions >= 0.0) & (fractions <= 1.0)
-    for row in np.flatnonzero(~fits):
-        raise BagFormatError(f"a segment starts at {seconds[row]} s + {fractions[row]:g} s")
-    return seconds * SECOND + np.rint(fractions * SECOND).astype(np.int64)
-
-
-def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.ndarray:
-    stamps, periods, firsts = blocks["header.stamp"], blocks["sample_period"], blocks["sequence"]
-    offsets: list[np.ndarray] = [np.empty(0, np.int64)]
-    # Blocks of one rate together: the offsets of one block take as long as those of a hundred.
-    edges = np.flatnonzero(np.diff(periods, prepend=np.nan, append=np.nan))
-    for start, end in pairwise(edges.tolist()):
-        offsets.append(_offsets(float(periods[start]), firsts[start:end], counts[start:end]))
-    return np.repeat(stamps, counts) + np.concatenate(offsets)
-
-
-def _offsets(period: float, firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the times of samples after the first of their block [ns].
-
-    At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
-    would depend on how they are divided into blocks. ``period`` is in s.
-    """
-    most = int(counts.max())
-    if not (math.isfinite(period) and period > 0.0 and period * most < _MAX_DURATION):
-        count = int(counts[0])
-        raise BagFormatError(f"sample_period = {period:g} s is no time between {count} samples")
-    numbers = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    rate = round(1.0 / period) if period > 1.0 / SECOND else 0
-    if rate and abs(rate * period - 1.0) < 1e-12:
-        starts = np.repeat((firsts % np.uint64(rate)).astype(np.int64), counts)
-        return (starts + numbers) * SECOND // rate - starts * SECOND // rate
-    return np.rint(numbers * (period * SECOND)).astype(np.int64)

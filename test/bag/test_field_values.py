@@ -128,7 +128,7 @@ def test_values_are_those_of_another_library(kind, data, order):
     codec = Codec("pkg/msg/All", definition)
     fields = store.deserialize_cdr(message, "pkg/msg/All")
     found = codec.decode(message)
-    for name, _ in codec.fields("pkg/msg/All"):
+    for name, _ in codec.members.members:
         assert told(getattr(found, name)) == told(of_library(getattr(fields, name)))
 
 
