@@ -20,7 +20,7 @@ from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import FieldReader, Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.recorded import RecordingError

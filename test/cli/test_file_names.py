@@ -9,7 +9,7 @@ from sample_bags import write_bag
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import MANIFEST_RECORD, manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD, manifest_from_record
 
 
 def rpud(folder, *words, **environment):

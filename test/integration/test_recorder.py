@@ -13,8 +13,8 @@ from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.manifest import manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.metadata import manifest_from_record
 from rpud_sim.ros.graph import rosbag_service
 
 HERE = Path(__file__).parent

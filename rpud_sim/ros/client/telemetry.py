@@ -12,10 +12,10 @@ from rclpy.qos import QoSProfile
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.client.listening_node import ListeningNode
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import TOPICS
 
 _DEPTH = 5_000  # messages that may wait; Fast DDS keeps no more

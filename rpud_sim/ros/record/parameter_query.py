@@ -9,7 +9,7 @@ from typing import Any
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
-from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
+from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import node_name
 from rpud_sim.ros.record.recorder_node import Recorder
 

@@ -15,7 +15,7 @@ from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.bag import BagWriter, Message
-from rpud_sim.bag.losses import Losses
+from rpud_sim.bag.metadata import Losses
 from rpud_sim.ros.graph import UnknownTypeError, fill_known, rosbag_service
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
