@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from rpud_sim.bag.batches import BagChunk, Message, SerializedBatch
     from rpud_sim.bag.columns import Column, Kind
     from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
-    from rpud_sim.bag.losses import Losses
-    from rpud_sim.bag.metadata import QosProfile, Topic, TopicSummary
+    from rpud_sim.bag.metadata import Losses, QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
     from rpud_sim.bag.recovery import Recovery, TopicRecovery, recover
     from rpud_sim.bag.tables import Batch
@@ -53,9 +52,8 @@ __all__ = [
 _MODULES = {
     "columns": ("Column", "Kind"),
     "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError"),
-    "losses": ("Losses",),
     "batches": ("BagChunk", "Message", "SerializedBatch"),
-    "metadata": ("QosProfile", "Topic", "TopicSummary"),
+    "metadata": ("Losses", "QosProfile", "Topic", "TopicSummary"),
     "reader": ("BagReader",),
     "recovery": ("Recovery", "TopicRecovery", "recover"),
     "tables": ("Batch",),

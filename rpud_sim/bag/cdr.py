@@ -3,25 +3,278 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+import struct
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, lru_cache, partial
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
+from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
-from rpud_sim.bag.layout import MessageType, ReadMessage
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
 
 # Greatest definition of a type, with all types that it needs [characters].
 DEFINITION_LIMIT = 256 * 2**10
+DECODED_LIMIT = 256 * 2**20  # greatest decoded message, with its text in exported files [bytes]
+FIELDS_LIMIT = 100_000  # greatest number of fields of a type, with those of its members
+
+HEAD = 4  # bytes before the first field: the encoding of a message
+PADDING = 3  # bytes behind the last field, so that messages follow each other aligned
+UNUSED = 8  # bytes that ROS allots each empty sequence, of any content
+
+# Bytes that parts of a message take as objects, as plain values, and as text.
+_MEMBER = 500  # a message within a message
+_FIELD = 100
+_BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
+_LEAST_NUMBER = 10  # in sequences and arrays: Parquet adds levels to each
+_LEAST_TEXT = 5  # its length, and the zero at its end
 
 _SEPARATOR = re.compile(r"^={80}\nMSG: ", re.MULTILINE)
+_ORDERS = {b"\0\0": ">", b"\0\1": "<"}  # of the bytes of numbers, by the beginning of a message
+
+Sizes = TypeVar("Sizes", int, np.ndarray)
+
+
+class Shape(NamedTuple):
+    """Bounds of the values of a type."""
+
+    fields: int  # number of fields
+    memory: int  # that it takes without the content of texts and sequences [bytes]
+    size: int  # least number of bytes in a message
+    growth: int  # greatest memory for each byte of texts and sequences [bytes]
+
+    def most(self, size: Sizes) -> Sizes:
+        """Return the greatest memory that a message of ``size`` bytes takes [bytes]."""
+        return self.memory + size * self.growth
+
+
+class Codec:
+    """Encoder and decoder of the messages of one type, from its complete ``ros2msg`` text."""
+
+    def __init__(self, type_name: str, definition: str) -> None:
+        self.type = type_name
+        if len(definition) > DEFINITION_LIMIT:
+            raise BagFormatError(
+                f"the definition of {type_name:.80} has {len(definition)} characters; "
+                f"at most {DEFINITION_LIMIT} are read"
+            )
+        self._shapes: dict[str, Shape] = {}  # by type
+        self._readers: dict[tuple[str, str], _Reader] = {}  # by order of bytes and type
+        with self._understanding("definition"):
+            self._types = _types_of(definition, type_name)
+            self.members = self._members(type_name, {})
+            self.shape = self.shape_of(self.members)
+
+    @property
+    def type_hash(self) -> str:
+        """``RIHS01_...`` hash of the type."""
+        store = get_typestore(Stores.EMPTY)
+        store.register(self._types)
+        return str(store.hash_rihs01(self.type))
+
+    def encode(self, fields: Mapping[str, Any]) -> bytes:
+        """Return a serialized message; values and errors are those of ``Encoder.encode``."""
+        return self.encoder.encode(fields)
+
+    def decode(self, data: bytes) -> Any:
+        """Return a message as ``Decoded``."""
+        with self._understanding("message"):
+            order = _ORDERS.get(data[:2])
+            if order is None:
+                raise ValueError("its encapsulation is not plain CDR")
+            cursor = _Cursor(data, order, self.shape.memory)
+            value = self._reader(order, self.members)(cursor)
+            if not cursor.place <= len(data) <= cursor.place + cursor.spare:
+                raise ValueError(f"{len(data) - cursor.place} bytes follow its last field")
+            return value
+
+    def without_padding(self, data: bytes) -> bytes:
+        """Return the same message with zeros for the padding between fields, as ``encode`` does."""
+        return self.encoder.encode(self.decode(data))
+
+    @cached_property
+    def encoder(self) -> Encoder:
+        return Encoder(self.members)
+
+    def _members(self, name: str, known: dict[str, Members]) -> Members:
+        if name not in known:
+            fields = self._types[name][1]
+            if len(dict(fields)) < len(fields):
+                raise ValueError(f"{name:.80} has two fields of one name")
+            found = tuple((own, self._node(known, *kind)) for own, kind in fields)
+            known[name] = Members(found, name)
+        return known[name]
+
+    def _node(self, known: dict[str, Members], node: Nodetype, described: Any) -> Node:
+        """Return a type in ``rosbags`` as an encoder has it."""
+        if node == Nodetype.NAME:
+            return self._members(described, known)
+        if node == Nodetype.BASE:
+            return CODES[described[0]]
+        element, count = described
+        return Sequence(self._node(known, *element), count if node == Nodetype.ARRAY else None)
+
+    def shape_of(self, node: Node) -> Shape:
+        """Return the bounds of a field, or of an element of a sequence or array."""
+        if isinstance(node, Members):
+            if node.name not in self._shapes:
+                # CDR needs a field, also of a type without one.
+                parts = [self.shape_of(each) for _, each in node.members] or [_NO_FIELDS]
+                counts, memory, size, growth = map(sum, zip(*parts, strict=True))
+                if counts > FIELDS_LIMIT:
+                    raise BagFormatError(
+                        f"{node.name:.80} has {counts} fields with those of its members; "
+                        f"at most {FIELDS_LIMIT} are read"
+                    )
+                growth = max(each.growth for each in parts)
+                shape = Shape(1 + counts, _MEMBER + memory, max(1, size), growth)
+                self._shapes[node.name] = shape
+            return self._shapes[node.name]
+        if isinstance(node, str):
+            size = np.dtype(node).itemsize if node != TEXT else _LEAST_TEXT
+            return Shape(1, _FIELD, size, _BYTE if node == TEXT else 0)
+        each, memory = self.shape_of(node.element), self.element_memory(node.element)
+        if node.length is None:
+            return Shape(1, _FIELD, 4, max(-(-memory // each.size), each.growth))
+        fields = 1 if is_number(node.element) else 1 + node.length * each.fields
+        memory = _FIELD + node.length * memory
+        return Shape(fields, memory, node.length * each.size, each.growth)
+
+    def element_memory(self, node: Node) -> int:
+        """Return the memory of an element without its texts and sequences [bytes]."""
+        shape = self.shape_of(node)
+        return max(_LEAST_NUMBER, shape.size * _BYTE) if is_number(node) else shape.memory
+
+    def _reader(self, order: str, node: Node) -> _Reader:
+        if isinstance(node, str):
+            return _Cursor.text if node == TEXT else _number_reader(order, node)
+        if isinstance(node, Members):
+            key = order, node.name
+            if key not in self._readers:
+                self._readers[key] = self._member_reader(order, node)
+            return self._readers[key]
+        count = node.length
+        if count is None:
+            least, memory = self.shape_of(node.element).size, self.element_memory(node.element)
+            length: _Reader = partial(_Cursor.length, least=least, memory=memory)
+        else:
+            length = lambda cursor: count  # noqa: E731
+        if isinstance(node.element, str) and node.element != TEXT:
+            return _numbers_reader(order, node.element, length)
+        read = self._reader(order, node.element)
+        return lambda cursor: [read(cursor) for _ in range(length(cursor))]
+
+    def _member_reader(self, order: str, node: Members) -> _Reader:
+        fields = [(name, self._reader(order, each)) for name, each in node.members]
+
+        def read(cursor: _Cursor) -> Decoded:
+            if not fields:
+                cursor.place += 1
+            return Decoded(node.name, {name: reader(cursor) for name, reader in fields})
+
+        return read
+
+    @contextmanager
+    def _understanding(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except (*DAMAGED, AssertionError, TypesysError) as error:
+            reason = " ".join(f"{error!r:.200}".split())
+            raise BagFormatError(
+                f"a {what} of {self.type:.80} cannot be understood: {reason}"
+            ) from error
+
+
+_NO_FIELDS = Shape(1, _FIELD, 1, 0)
+
+
+def is_number(node: Node) -> bool:
+    return isinstance(node, str) and node != TEXT
+
+
+def number_dtype(code: str, order: str = "<") -> np.dtype:
+    """Return the dtype of a number in messages, where a bool may be any byte."""
+    return np.dtype(np.uint8 if code == "?" else order + code)
+
+
+def aligned(place: Any, size: int) -> Any:
+    """Return the next place that is aligned to ``size``; alignment counts from behind the head."""
+    return place + (HEAD - place) % size
+
+
+class _Cursor:
+    """Place in a message that is being decoded."""
+
+    def __init__(self, content: bytes, order: str, memory: int) -> None:
+        self.place = HEAD
+        self.spare = PADDING  # bytes that may follow the last field
+        self.content = content
+        self._order, self._memory = order, memory
+
+    def length(self, least: int, memory: int) -> int:
+        """Read a number of elements.
+
+        Each has at least ``least`` bytes, and takes ``memory`` when it is decoded.
+        """
+        place = aligned(self.place, 4)
+        (count,) = struct.unpack_from(f"{self._order}I", self.content, place)
+        self.place = place + 4
+        self.reach(count * least)
+        self._memory += count * memory
+        if self._memory > DECODED_LIMIT:
+            raise BagFormatError(
+                f"a message of {len(self.content)} bytes takes {self._memory} or more when it is "
+                f"decoded; at most {DECODED_LIMIT} are read"
+            )
+        self.spare += 0 if count else UNUSED
+        return int(count)
+
+    def reach(self, size: int) -> int:
+        """Return the place behind so many bytes, which the message must have."""
+        if self.place + size > len(self.content):
+            raise ValueError("it ends too early")
+        return self.place + size
+
+    def text(self) -> str:
+        count = self.length(1, _BYTE)
+        start, self.place = self.place, self.place + count
+        if not count or self.content[self.place - 1] != 0:
+            raise ValueError("a text has no end")
+        return self.content[start : self.place - 1].decode()
+
+
+_Reader = Callable[[_Cursor], Any]
+
+
+def _number_reader(order: str, code: str) -> _Reader:
+    unpack, size = struct.Struct(order + code).unpack_from, np.dtype(code).itemsize
+
+    def read(cursor: _Cursor) -> Any:
+        place = aligned(cursor.place, size)
+        cursor.place = place + size
+        return unpack(cursor.content, place)[0]
+
+    return read
+
+
+def _numbers_reader(order: str, code: str, length: _Reader) -> _Reader:
+    dtype, own = number_dtype(code, order), np.dtype(code)
+
+    def read(cursor: _Cursor) -> np.ndarray:
+        if count := length(cursor):
+            cursor.place = aligned(cursor.place, dtype.itemsize)
+        end = cursor.reach(count * dtype.itemsize)
+        values = np.frombuffer(cursor.content, dtype, count, cursor.place)
+        cursor.place = end
+        return values.astype(own, copy=False)
+
+    return read
 
 
 @lru_cache(64)
@@ -37,74 +290,3 @@ def _types_of(definition: str, type_name: str) -> Typesdict:
         name, _, text = part.partition("\n")
         types.update(_types_in(text, name.strip()))
     return types
-
-
-class Codec:
-    """Encoder and decoder of the messages of one type, from its complete ``ros2msg`` text."""
-
-    def __init__(self, type_name: str, definition: str) -> None:
-        self._type = type_name
-        if len(definition) > DEFINITION_LIMIT:
-            raise BagFormatError(
-                f"the definition of {type_name:.80} has {len(definition)} characters; "
-                f"at most {DEFINITION_LIMIT} are read"
-            )
-        with self._understanding("definition"):
-            self._types = _types_of(definition, type_name)
-            self.type = MessageType(self._types, type_name)
-
-    @property
-    def type_hash(self) -> str:
-        """``RIHS01_...`` hash of the type."""
-        store = get_typestore(Stores.EMPTY)
-        store.register(self._types)
-        return str(store.hash_rihs01(self._type))
-
-    def fields(self, type_name: str) -> list[tuple[str, Any]]:
-        """Return name and type, in ``rosbags``, of each field of this type or one that it needs."""
-        return self.type.fields[type_name]
-
-    def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Return a serialized message; values and errors are those of ``Encoder.encode``."""
-        return self.encoder.encode(fields)
-
-    def decode(self, data: bytes) -> Any:
-        """Return a message as ``Decoded``."""
-        return self.read(data).values
-
-    def read(self, data: bytes, noted: bool = False) -> ReadMessage:
-        """Return a message, with the places of its fields if they are ``noted``."""
-        with self._understanding("message"):
-            return self.type.read(data, noted)
-
-    def without_padding(self, data: bytes) -> bytes:
-        """Return the same message with zeros for the padding between fields, as ``encode`` does."""
-        return self.encoder.encode(self.decode(data))
-
-    @cached_property
-    def encoder(self) -> Encoder:
-        return Encoder(_members(self.type, self._type))
-
-    @contextmanager
-    def _understanding(self, what: str) -> Iterator[None]:
-        try:
-            yield
-        except (*DAMAGED, AssertionError, TypesysError) as error:
-            reason = " ".join(f"{error!r:.200}".split())
-            raise BagFormatError(
-                f"a {what} of {self._type:.80} cannot be understood: {reason}"
-            ) from error
-
-
-def _members(kind: MessageType, name: str) -> Members:
-    return Members(tuple((own, _member(kind, *type_)) for own, type_ in kind.fields[name]))
-
-
-def _member(kind: MessageType, node: Nodetype, described: Any) -> Any:
-    if node == Nodetype.NAME:
-        return _members(kind, described)
-    if node == Nodetype.SEQUENCE:
-        return Sequence(_member(kind, *described[0]))
-    if node == Nodetype.BASE and described[0] in CODES:
-        return CODES[described[0]]
-    raise BagFormatError(f"no message with a member {described!r:.80} can be written")

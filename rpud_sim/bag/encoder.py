@@ -9,14 +9,16 @@ from __future__ import annotations
 import struct
 import sys
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from itertools import groupby
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from rpud_sim.bag.batches import items
+from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.values import Ragged
 
 TEXT = "s"
@@ -43,7 +45,9 @@ CODES = {
 # Plain CDR in the byte order of this machine, as in arrays; alignment counts from its end.
 _ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"
 
-_SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT}
+_SIZES: dict[Any, int] = {
+    code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT
+}
 # Layouts that an encoder keeps: lengths of sequences may differ from message to message.
 _MOST_LAYOUTS = 256
 _DTYPES = {code: np.dtype(code) for code in _SIZES}
@@ -68,22 +72,24 @@ class Decoded:
 
 
 class Sequence(NamedTuple):
-    """Member that is a sequence."""
+    """Sequence, or array of a fixed length."""
 
-    element: str | Members
-
-
-Member = tuple[str, "str | Members | Sequence"]
+    element: Node
+    length: int | None = None  # of an array; None for a sequence
 
 
 class Members(NamedTuple):
-    """Members of a message in order: each a code, a message or a sequence."""
+    """Members of a message in order."""
 
-    members: tuple[Member, ...]
+    members: tuple[tuple[str, Node], ...]  # names and types
+    name: str = ""  # of the type; empty if it is unknown
 
+
+# Type of a member: the code of a number or text, a message, or a sequence.
+Node: TypeAlias = "str | Members | Sequence"
 
 # Appends values of a message to those of the struct, and lengths to those of its layout.
-Flattener = Callable[[Mapping[str, Any], "list[Any]", "list[int]"], None]
+Flattener = Callable[[Any, "list[Any]", "list[int]"], None]
 
 
 class Encoder:
@@ -176,17 +182,11 @@ def _flattener(kind: Members) -> Flattener:
     than to pack them.
     """
     steps: list[Flattener] = []
-    numbers: list[str] = []
-    for name, inner in kind.members:
-        if isinstance(inner, str) and inner != TEXT:
-            numbers.append(name)
-            continue
-        if numbers:
-            steps.append(_numbers(numbers))
-            numbers = []
-        steps.append(_member(name, inner))
-    if numbers:
-        steps.append(_numbers(numbers))
+    for of_numbers, members in groupby(kind.members, lambda member: member[1] in _SIZES):
+        if of_numbers:
+            steps.append(_numbers([name for name, _ in members]))
+        else:
+            steps += [_member(name, inner) for name, inner in members]
     if len(steps) == 1:
         return steps[0]
 
@@ -197,46 +197,43 @@ def _flattener(kind: Members) -> Flattener:
     return flatten
 
 
-def _numbers(names: Iterable[str]) -> Flattener:
-    first, *others = names
-    if not others:
-        return lambda values, flat, lengths: flat.append(values[first])
-    several = itemgetter(first, *others)
+def _numbers(names: list[str]) -> Flattener:
+    several = itemgetter(*names)
+    if len(names) == 1:
+        return lambda values, flat, lengths: flat.append(several(values))
     return lambda values, flat, lengths: flat.extend(several(values))
 
 
-def _member(name: str, inner: str | Members | Sequence) -> Flattener:
+def _member(name: str, inner: Node) -> Flattener:
     if isinstance(inner, Members):
         flatten = _flattener(inner)
-        return lambda values, flat, lengths: flatten(values[name], flat, lengths)
-    if isinstance(inner, Sequence):
-        flatten_sequence = _sequence_flattener(inner.element)
-        return lambda values, flat, lengths: flatten_sequence(values[name], flat, lengths)
-
-    def flatten_text(values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
-        text = values[name].encode() + b"\0"
-        length = len(text)
-        lengths.append(length)
-        flat += length, text
-
-    return flatten_text
-
-
-def _sequence_flattener(element: str | Members) -> Callable[[Any, list[Any], list[int]], None]:
-    if isinstance(element, str) and element != TEXT:
-        return partial(_flatten_numbers, element)
-    flatten = _member("", element)
-
-    def flatten_all(values: Any, flat: list[Any], lengths: list[int]) -> None:
-        lengths.append(len(values))
-        flat.append(len(values))
-        for value in values:
-            flatten({"": value}, flat, lengths)
-
-    return flatten_all
+    elif inner == TEXT:
+        flatten = _flatten_text
+    else:
+        assert isinstance(inner, Sequence)
+        if inner.length is not None:
+            raise BagFormatError("no message with a member of a fixed length can be written")
+        if inner.element in _SIZES:
+            flatten = partial(_flatten_numbers, inner.element)
+        else:
+            flatten = partial(_flatten_each, _member("", inner.element))
+    return lambda values, flat, lengths: flatten(values[name], flat, lengths)
 
 
-def _flatten_numbers(element: str, values: Any, flat: list[Any], lengths: list[int]) -> None:
+def _flatten_text(value: str, flat: list[Any], lengths: list[int]) -> None:
+    text = value.encode() + b"\0"
+    lengths.append(len(text))
+    flat += len(text), text
+
+
+def _flatten_each(flatten: Flattener, values: Any, flat: list[Any], lengths: list[int]) -> None:
+    lengths.append(len(values))
+    flat.append(len(values))
+    for value in values:
+        flatten({"": value}, flat, lengths)
+
+
+def _flatten_numbers(element: Any, values: Any, flat: list[Any], lengths: list[int]) -> None:
     if isinstance(values, array) and values.typecode == element:
         length = len(values)
         lengths.append(length)
@@ -271,27 +268,24 @@ def _layout(kind: Members, lengths: list[int]) -> str:
 
 
 def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int, int]]:
+    """Yield code, size and alignment of each value of the struct."""
     for _, inner in kind.members:
-        if inner == TEXT:
+        if isinstance(inner, Members):
+            yield from _parts(inner, lengths)
+        elif isinstance(inner, Sequence):
+            yield _COUNT
+            count = next(lengths)
+            if inner.element not in _SIZES:
+                yield from _parts(Members((("", inner.element),) * count), lengths)
+            elif count == _RAGGED:
+                size = _SIZES[inner.element]
+                yield str(inner.element), size, size
+            else:
+                size = _SIZES[inner.element]
+                yield f"{count * size}s", count * size, size if count else 1
+        elif inner == TEXT:
             length = next(lengths)
             yield _COUNT
             yield f"{length}s", length, 1
-        elif isinstance(inner, str):
-            yield inner, _SIZES[inner], _SIZES[inner]
-        elif isinstance(inner, Members):
-            yield from _parts(inner, lengths)
         else:
-            yield from _parts_of_sequence(inner.element, next(lengths), lengths)
-
-
-def _parts_of_sequence(
-    element: str | Members, count: int, lengths: Iterator[int]
-) -> Iterator[tuple[str, int, int]]:
-    yield _COUNT
-    if isinstance(element, str) and element != TEXT and count == _RAGGED:
-        yield element, _SIZES[element], _SIZES[element]
-    elif isinstance(element, str) and element != TEXT:
-        size = count * _SIZES[element]
-        yield f"{size}s", size, _SIZES[element] if count else 1
-    else:
-        yield from _parts(Members((("", element),) * count), lengths)
+            yield inner, _SIZES[inner], _SIZES[inner]

@@ -1,29 +1,39 @@
-"""Metadata of a rosbag2 bag, version 9 (Jazzy). Times and durations are integer nanoseconds.
+"""What a bag says about itself. Times and durations are integer nanoseconds.
 
-The same content is stored twice: in ``metadata.yaml`` under one outer key, and without that key in
-the MCAP file's metadata record ``rosbag2``. rosbag2 fails if a field is missing, so every field is
-always written.
+The metadata of rosbag2, version 9 (Jazzy), is stored twice: in ``metadata.yaml`` under one outer
+key, and without that key in the MCAP file's metadata record ``rosbag2``. rosbag2 fails if a field
+is missing, so every field is always written. Further records have losses, the origin of runs and
+the verdict of a test.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import platform
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
-from rpud_sim.bag.losses import Losses
 from rpud_sim.foundation.time import SECOND
 
 FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
+
+LOSSES_RECORD = "rpud_losses"  # metadata record with the ``Losses`` of each topic
+# Metadata record with the duration that a recorder loses at most if it is killed: ``max_loss`` [s].
+RECORDING_RECORD = "rpud_recording"
+# Metadata record of a manifest; a bag has one for each drill that ran during the recording.
+MANIFEST_RECORD = "rpud_manifest"
+VERDICT_RECORD = "rpud_test"  # metadata record of a test's verdict
 
 # Greatest metadata: its characters, and _NODE_SIZE for each value.
 SIZE_LIMIT = 8 * 2**20
@@ -45,15 +55,18 @@ _POLICIES = {
     "history": ("system_default", "keep_last", "keep_all", "unknown"),
     "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
     "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
-    "liveliness": (
-        "system_default",
-        "automatic",
-        "manual_by_node",
-        "manual_by_topic",
-        "unknown",
-        "best_available",
+    "liveliness": tuple(
+        [
+            "system_default",
+            "automatic",
+            "manual_by_node",
+            "manual_by_topic",
+            "unknown",
+            "best_available",
+        ]
     ),
 }
+_PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")
 _DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
 
 
@@ -83,22 +96,18 @@ class QosProfile:
 
 
 def _profile(item: Mapping[str, Any]) -> QosProfile:
-    values: dict[str, Any] = {name: _policy(item[name], words) for name, words in _POLICIES.items()}
-    values |= {name: _duration(item[name]) for name in _DURATIONS}
+    values: dict[str, Any] = {}
+    for name, words in _POLICIES.items():
+        word = item[name]
+        if isinstance(word, int):
+            word = words[word] if 0 <= word < len(words) else "unknown"
+        values[name] = word if word in words else "unknown"
+    for name in _DURATIONS:
+        duration = int(item[name]["sec"]) * SECOND + int(item[name]["nsec"])
+        # Older middlewares wrote other values for "unlimited", all of them longer than 68 years.
+        values[name] = INFINITE if duration >= 0x7FFFFFFF * SECOND else duration
     plain = bool(item["avoid_ros_namespace_conventions"])
     return QosProfile(depth=int(item["depth"]), avoid_ros_namespace_conventions=plain, **values)
-
-
-def _policy(value: Any, words: Sequence[str]) -> str:
-    if isinstance(value, int):
-        return words[value] if 0 <= value < len(words) else "unknown"
-    return value if value in words else "unknown"
-
-
-def _duration(value: Mapping[str, Any]) -> int:
-    # Older middlewares wrote other values for "unlimited", all of them longer than 68 years.
-    nanoseconds = int(value["sec"]) * SECOND + int(value["nsec"])
-    return INFINITE if nanoseconds >= 0x7FFFFFFF * SECOND else nanoseconds
 
 
 @dataclass(frozen=True)
@@ -110,6 +119,21 @@ class Topic:
     type_hash: str = ""  # ``RIHS01_...`` hash of the type; empty if it is unknown
     offered_qos: tuple[QosProfile, ...] = ()  # quality of service of each publisher
     serialization_format: str = "cdr"  # of the messages
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Numbers of lost messages of one topic."""
+
+    # lost on the way to the recorder; None if the middleware does not number messages
+    transport: int | None = 0
+    queue: int = 0  # dropped because the recorder's queue was full
+    damaged: int = 0  # arrived with unreadable data or an impossible time
+
+    @property
+    def total(self) -> int | None:
+        """All lost messages; None if that is unknown."""
+        return None if self.transport is None else self.transport + self.queue + self.damaged
 
 
 @dataclass(frozen=True)
@@ -301,3 +325,129 @@ def _check_size(text: str) -> None:
                 f"the rosbag2 metadata is larger than {SIZE_LIMIT} or nested deeper than "
                 f"{_DEPTH_LIMIT}"
             )
+
+
+def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
+    """Return the content of the metadata record, with one key for each topic."""
+    return {topic: json.dumps(asdict(item)) for topic, item in losses.items()}
+
+
+def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
+    with parsing(f"the record {LOSSES_RECORD}"):
+        return {topic: _losses(json.loads(text)) for topic, text in record.items()}
+
+
+def _losses(value: Mapping[str, Any]) -> Losses:
+    transport, queue, damaged = value["transport"], value["queue"] or 0, value.get("damaged") or 0
+    found = Losses(transport if transport is None else int(transport), int(queue), int(damaged))
+    for count in (found.transport or 0, found.queue, found.damaged):
+        if not 0 <= count < 2**63:
+            raise ValueError(f"{count:g} is no number of messages")
+    return found
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """Origin of a run, as far as its recorder knows it."""
+
+    node: str = ""  # full name of the drill; empty without one
+    time: int = 0  # of the parameters [ns since the epoch]
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # all parameters of the drill
+    # text of the drill's scenario; empty without one, None if it is unknown, as to a recorder: the
+    # journal has the faults as they were drawn
+    scenario: str | None = ""
+    command: tuple[str, ...] = ()  # command line of the program that wrote the bag
+    versions: Mapping[str, str] = field(default_factory=dict)  # of the software of that program
+    machine: str = ""  # architecture and processor of its computer
+    # of a fork: the ``bag`` and the ``run`` in it, the instant ``at`` [s], the ``journal``'s
+    # SHA-256 up to there, and the ``changes``
+    forked_from: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of all random numbers; None if it is unknown."""
+        seed = self.parameters.get("seed")
+        return int(seed) if isinstance(seed, int | float) and float(seed).is_integer() else None
+
+    def to_record(self) -> dict[str, str]:
+        """Return the content of the metadata record: one key with a JSON object."""
+        content = _readable(asdict(self))
+        if not self.forked_from:
+            del content["forked_from"]
+        return {"manifest": json.dumps(content, ensure_ascii=False, default=repr)}
+
+
+def manifest_from_record(record: Mapping[str, str]) -> Manifest:
+    """Return the manifest from the content of the metadata record; unknown fields are ignored."""
+    with parsing(f"the record {MANIFEST_RECORD}"):
+        value = _readable(json.loads(record["manifest"]))
+        scenario = value["scenario"]
+        return Manifest(
+            node=str(value["node"]),
+            time=int(value["time"]),
+            parameters=dict(value["parameters"].items()),
+            scenario=None if scenario is None else str(scenario),
+            command=tuple(str(word) for word in value["command"]),
+            versions={str(name): str(text) for name, text in value["versions"].items()},
+            machine=str(value["machine"]),
+            forked_from=dict(value.get("forked_from", {}).items()),
+        )
+
+
+def _readable(value: Any) -> Any:
+    """Return a value with texts that can be encoded: file names may be bytes that are not UTF-8."""
+    if isinstance(value, str):
+        try:
+            return value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        except UnicodeEncodeError:  # half of a pair, which JSON can have
+            return value.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, Mapping):
+        return {_readable(key): _readable(item) for key, item in value.items()}
+    return [*map(_readable, value)] if isinstance(value, list | tuple) else value
+
+
+def installed_versions() -> dict[str, str]:
+    """Return the known versions of the software that a run's numbers depend on."""
+    versions = {
+        "python": platform.python_version(),
+        "ros_distro": os.environ.get("ROS_DISTRO") or "jazzy",  # ROS from PyPI does not set it
+    }
+    for package in _PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def machine_name() -> str:
+    """Return the architecture and the processor, without the name of the host."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        fields = (line.partition(":") for line in lines)
+        names = [value.strip() for key, _, value in fields if key.strip() == "model name"][:1]
+    except OSError:
+        names = [platform.processor()]
+    return " ".join(filter(None, (platform.machine(), *names)))
+
+
+@dataclass(frozen=True)
+class RunVerdict:
+    """Verdict of a test about the run in a bag."""
+
+    test: str  # its name
+    verdict: str  # ``passed``, ``failed`` or ``undecided``
+    seed: str  # of all random numbers
+    requirements: tuple[str, ...] = ()  # each with its verdict, value and time, in one line
+
+    def to_record(self) -> dict[str, str]:
+        """Return the content of the metadata record: one key with a JSON object."""
+        return {"test": json.dumps(asdict(self), ensure_ascii=True)}
+
+
+def tested_from_record(record: Mapping[str, str]) -> RunVerdict:
+    """Return the verdict from the content of the metadata record."""
+    with parsing(f"the record {VERDICT_RECORD}"):
+        value = json.loads(record["test"])
+        lines = tuple(str(line) for line in value["requirements"])
+        return RunVerdict(str(value["test"]), str(value["verdict"]), str(value["seed"]), lines)

@@ -18,9 +18,16 @@ from rpud_sim.bag.batches import (
     ordered_by_topic,
 )
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, OtherStorageError
-from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_reader import McapFile
-from rpud_sim.bag.metadata import FILE_NAME, TopicSummary, local_name, read_document
+from rpud_sim.bag.metadata import (
+    FILE_NAME,
+    LOSSES_RECORD,
+    Losses,
+    TopicSummary,
+    local_name,
+    losses_from_record,
+    read_document,
+)
 from rpud_sim.bag.records import reading
 
 if TYPE_CHECKING:

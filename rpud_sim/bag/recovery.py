@@ -22,15 +22,18 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 
 from rpud_sim.bag.batches import LATEST, gathered, items
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError, OtherStorageError
-from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_reader import REPEATED_KEY, McapFile
 from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
+    LOSSES_RECORD,
     RECORD_NAME,
+    RECORDING_RECORD,
+    Losses,
     QosProfile,
     Topic,
     dump_offered_qos,
     load_offered_qos,
+    losses_from_record,
 )
 from rpud_sim.bag.reader import BagReader, in_order, storage_files
 from rpud_sim.bag.records import (

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
@@ -12,47 +13,39 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.bag.batches import joined as joined_batches
+from rpud_sim.bag.batches import SerializedBatch, joined
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import (
-    RECEIVED,
-    Column,
-    Kind,
-    columns_of,
-    holds_rows,
-    objects,
-    row_columns,
-    to_rows,
-)
+from rpud_sim.bag.columns import RECEIVED, Column, FieldReader, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
-from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.layout import MessageType
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged
 
 if TYPE_CHECKING:
     import pandas
 
-BATCH_SIZE = 8 * 2**20  # size of a topic's messages that become one batch [bytes]
-# Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it. A
-# topic that fills half of a chunk is read from the chunk without a copy of its messages.
-PART_SIZE = 2**19
-TOTAL_SIZE = 64 * 2**20  # greatest size of all topics' messages that wait to become batches [bytes]
-
-# Greatest size of a batch's decoded messages, unless there is a single one [bytes].
-DECODED_SIZE = 64 * 2**20
+# Sizes are those of decoded messages, as ``Shape.most`` bounds them [bytes].
+BATCH_SIZE = 64 * 2**20  # of a batch
+ARRAY_SIZE = 4 * 2**20  # of messages copied into arrays together: a processor's cache holds them
+TOTAL_SIZE = 256 * 2**20  # of all topics' messages that wait to become batches
 
 # Greatest definitions of all types of a bag together, without comments [characters].
 DEFINITIONS_LIMIT = 256 * 2**10
 
 _COMMENT = re.compile(r"#.*")
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
-_OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
 _NAMES_SHOWN = 30
+_MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
+# Column with the exact time of each row.
+TIME = Column("time", Kind.TIME, np.dtype(np.int64), description="of the sample or segment")
+# Columns from which the time of a row is calculated, by type.
+_TIME_COLUMNS = {
+    "rpud_msgs/msg/Trajectory": {"origin", "sequence", "start_seconds", "start_fraction"},
+    "rpud_msgs/msg/Waveform": {"header.stamp", "sample_period", "sequence"},
+}
 
 
 @dataclass(frozen=True)
@@ -88,57 +81,68 @@ class Table:
             raise BagFormatError("the bag does not hold the definition of its type")
         self.codec, self._fields = compiled(summary.topic.type, summary.definition)
         self._reader = FieldReader(self.codec, self._fields)
-        self._blocks = holds_rows(summary.topic.type, self._fields)
+        self._has_rows = holds_rows(summary.topic.type, self._fields)
 
     @property
     def columns(self) -> tuple[Column, ...]:
         columns = (*_RECEIVED, *self._fields)
-        return row_columns(columns) if self._blocks else columns
+        return row_columns(columns) if self._has_rows else columns
+
+    def parts(self, batch: SerializedBatch, limit: int) -> Iterator[tuple[SerializedBatch, int]]:
+        """Yield a batch in parts of a size, with their sizes; what fills less than two is whole."""
+        sizes = self.codec.shape.most(batch.sizes)
+        ends = np.cumsum(sizes)
+        if ends[-1] < 2 * limit:
+            yield batch, int(ends[-1])
+            return
+        cuts = np.searchsorted(ends, np.arange(limit, ends[-1], limit)) + 1
+        for start, end in pairwise(np.unique([0, *cuts, len(batch)]).tolist()):
+            yield batch.part(slice(start, end)), int(sizes[start:end].sum())
 
     def batch(
-        self, block: SerializedBatch, leave_out: Callable[[str], object] | None = None
+        self, batch: SerializedBatch, leave_out: Callable[[str], object] | None = None
     ) -> Batch:
         """Return the rows of messages.
 
         ``leave_out`` is called with the reason for each message that is not of the type, which is
         then skipped; None for an error.
         """
-        fields = self._reader.read(block)
+        fields = self._reader.read(batch)
         for _, reason in fields.errors:
             if leave_out is None:
                 raise BagFormatError(reason)
             leave_out(reason)
         if fields.errors:
-            block = block.part(fields.rows)
+            batch = batch.part(fields.rows)
         try:
-            return self._batch(block, fields.columns)
+            return self._batch(batch, fields.columns)
         except BagFormatError:  # of a block whose rows have no time, or too few values
             if leave_out is None:
                 raise
         kept = []
-        for row in range(len(block)):
+        for row in range(len(batch)):
             try:
-                self.batch(block.part(slice(row, row + 1)))
+                self.batch(batch.part(slice(row, row + 1)))
             except BagFormatError as error:
                 leave_out(str(error))
             else:
                 kept.append(row)
-        return self.batch(block.part(np.array(kept, np.intp)))
+        return self.batch(batch.part(np.array(kept, np.intp)))
 
     def empty(self) -> Batch:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(SerializedBatch(self._name, none, none, data, none, none))
 
-    def _batch(self, block: SerializedBatch, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
-        received = {"log_time": block.log_times, "publish_time": block.publish_times}
-        if self._blocks:
+    def _batch(self, batch: SerializedBatch, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
+        received = {"log_time": batch.log_times, "publish_time": batch.publish_times}
+        if self._has_rows:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
         else:
             values = received | {
                 name: objects(each.rows()) if isinstance(each, Ragged) else each
                 for name, each in columns.items()
             }
-        return Batch(self._name, values, len(block))
+        return Batch(self._name, values, len(batch))
 
 
 @lru_cache(maxsize=256)  # topics of one type share it
@@ -207,52 +211,50 @@ class Tables:
     def batches(
         self,
         tables: Mapping[str, Table],
-        blocks: Iterable[SerializedBatch],
+        batches: Iterable[SerializedBatch],
         leave_out: Callable[[str, str], object] | None = None,
-        batch_size: int | None = None,
+        limit: int | None = None,
     ) -> Iterator[Batch]:
         """Yield the rows of messages, in their order within each topic.
 
         ``leave_out`` is called with the topic and the reason for each message that is not of its
-        topic's type, which is then skipped; None for an error. ``batch_size`` is in bytes; None for
-        ``BATCH_SIZE``.
+        topic's type, which is then skipped; None for an error. ``limit`` is the size of a batch.
         """
-        limit = batch_size or BATCH_SIZE
+        limit = limit or BATCH_SIZE
         waiting: dict[str, list[SerializedBatch]] = {name: [] for name in tables}
-        shares = dict.fromkeys(tables, 0.0)  # of a batch, that wait
+        sizes = dict.fromkeys(tables, 0)  # of what waits
         total = 0
 
-        def batch(name: str) -> Batch:
+        def decoded(name: str) -> Batch:
             nonlocal total
-            block, waiting[name] = joined_batches(waiting[name]), []
-            total -= _memory(block)
-            shares[name] = 0.0
+            total -= sizes[name]
+            batch, waiting[name], sizes[name] = joined(waiting[name]), [], 0
             try:
-                return tables[name].batch(block, leave_out and partial(leave_out, name))
+                return tables[name].batch(batch, leave_out and partial(leave_out, name))
             except BagFormatError as error:
                 raise BagFormatError(f"{self._path}: {name}: {error}") from error
 
-        for whole in blocks:
+        for whole in batches:
             name = whole.topic
-            for block, share in _divided(whole, tables[name].codec.type, limit):
-                # A batch of one block is made at once. What waits must not keep the chunk.
-                alone = share >= 1.0 and not waiting[name]
-                waiting[name].append(block if alone else block.packed())
-                shares[name] += share
-                total += _memory(block)
-                if shares[name] >= 1.0:
-                    yield batch(name)
+            for part, size in tables[name].parts(whole, limit):
+                # A batch of one part is made at once. What waits must not keep the chunk.
+                alone = size >= limit and not waiting[name]
+                waiting[name].append(part if alone else part.packed())
+                sizes[name] += size
+                total += size
+                if sizes[name] >= limit:
+                    yield decoded(name)
                 elif total >= TOTAL_SIZE:
-                    yield batch(max(shares, key=shares.__getitem__))
-        yield from (batch(name) for name in tables if waiting[name])
+                    yield decoded(max(sizes, key=sizes.__getitem__))
+        yield from (decoded(name) for name in tables if waiting[name])
 
     def arrays(
-        self, tables: Mapping[str, Table], blocks: Iterable[SerializedBatch]
+        self, tables: Mapping[str, Table], batches: Iterable[SerializedBatch]
     ) -> dict[str, dict[str, np.ndarray]]:
         """Return the columns of each topic, from all its messages."""
         parts = {name: [dict(table.empty().columns)] for name, table in tables.items()}
-        for piece in self.batches(tables, blocks, batch_size=PART_SIZE):
-            parts[piece.topic].append(dict(piece.columns))
+        for batch in self.batches(tables, batches, limit=ARRAY_SIZE):
+            parts[batch.topic].append(dict(batch.columns))
         # Column by column, and each is gone from its parts: they and the whole take little more
         # memory.
         return {
@@ -262,29 +264,6 @@ class Tables:
             }
             for name, table in tables.items()
         }
-
-
-def _memory(block: SerializedBatch) -> int:
-    return int(block.sizes.sum()) + _OVERHEAD * len(block)
-
-
-def _divided(
-    block: SerializedBatch, kind: MessageType, limit: int
-) -> Iterator[tuple[SerializedBatch, float]]:
-    """Yield a block in parts, and the share of a batch that each fills; ``limit`` is in bytes.
-
-    What fills less than two batches stays whole.
-    """
-    decoded = kind.most(int(block.sizes.sum())) + (len(block) - 1) * kind.most(0)
-    share = max(_memory(block) / limit, decoded / DECODED_SIZE)
-    if share < 2.0:
-        yield block, share
-        return
-    shares = np.maximum((block.sizes + _OVERHEAD) / limit, kind.most(block.sizes) / DECODED_SIZE)
-    sums = np.cumsum(shares)
-    cuts = np.searchsorted(sums, np.arange(1.0, sums[-1])) + 1
-    for start, end in pairwise(np.unique([0, *cuts, len(block)]).tolist()):
-        yield block.part(slice(start, end)), float(shares[start:end].sum())
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -312,3 +291,86 @@ def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFram
         for column in table.columns
     }
     return pandas.DataFrame(series).set_index(index)
+
+
+def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
+    """Return whether messages of a type with these columns are blocks of rows."""
+    names = {column.name for column in columns}
+    simple = all(column.kind not in (Kind.ARRAY, Kind.NESTED) for column in columns)
+    return type_name in _TIME_COLUMNS and _TIME_COLUMNS[type_name] <= names and simple
+
+
+def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
+    """Return the columns of the table of rows: ``TIME``, and numbers in place of sequences."""
+    return (
+        TIME,
+        *(
+            replace(column, kind=Kind.NUMBER) if column.kind is Kind.SEQUENCE else column
+            for column in columns
+        ),
+    )
+
+
+def to_rows(
+    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Ragged]
+) -> dict[str, np.ndarray]:
+    """Return the values of ``row_columns``, one for each row, from those of each block.
+
+    Each row has the values that its block has once. ``sequence`` is the number of the row.
+    """
+    sequences = {name: each for name, each in blocks.items() if isinstance(each, Ragged)}
+    single = {name: each for name, each in blocks.items() if not isinstance(each, Ragged)}
+    first = next(iter(sequences))
+    counts = sequences[first].counts
+    for name, each in sequences.items():
+        for row in np.flatnonzero(counts != each.counts):
+            raise BagFormatError(f"{name} has {each.counts[row]} values, and {first} {counts[row]}")
+    rows = {
+        column.name: sequences[column.name].values
+        if column.name in sequences
+        else np.repeat(single[column.name], counts)
+        for column in columns
+    }
+    numbers = np.arange(len(rows["sequence"])) - np.repeat(np.cumsum(counts) - counts, counts)
+    if "sample_period" in rows:
+        time = _sample_times(single, counts)
+    else:
+        time = rows["origin"] + _starts(rows["start_seconds"], rows["start_fraction"])
+    rows["sequence"] = rows["sequence"] + numbers.astype(np.uint64)
+    return {TIME.name: time, **rows}
+
+
+def _starts(seconds: np.ndarray, fractions: np.ndarray) -> np.ndarray:
+    """Return the starts of segments since simulation time zero [ns]."""
+    fits = (seconds >= 0) & (seconds < _MAX_DURATION) & (fractions >= 0.0) & (fractions <= 1.0)
+    for row in np.flatnonzero(~fits):
+        raise BagFormatError(f"a segment starts at {seconds[row]} s + {fractions[row]:g} s")
+    return seconds * SECOND + np.rint(fractions * SECOND).astype(np.int64)
+
+
+def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.ndarray:
+    stamps, periods, firsts = blocks["header.stamp"], blocks["sample_period"], blocks["sequence"]
+    offsets: list[np.ndarray] = [np.empty(0, np.int64)]
+    # Blocks of one rate together: the offsets of one block take as long as those of a hundred.
+    edges = np.flatnonzero(np.diff(periods, prepend=np.nan, append=np.nan))
+    for start, end in pairwise(edges.tolist()):
+        offsets.append(_offsets(float(periods[start]), firsts[start:end], counts[start:end]))
+    return np.repeat(stamps, counts) + np.concatenate(offsets)
+
+
+def _offsets(period: float, firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return the times of samples after the first of their block [ns].
+
+    At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
+    would depend on how they are divided into blocks. ``period`` is in s.
+    """
+    most = int(counts.max())
+    if not (math.isfinite(period) and period > 0.0 and period * most < _MAX_DURATION):
+        count = int(counts[0])
+        raise BagFormatError(f"sample_period = {period:g} s is no time between {count} samples")
+    numbers = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    rate = round(1.0 / period) if period > 1.0 / SECOND else 0
+    if rate and abs(rate * period - 1.0) < 1e-12:
+        starts = np.repeat((firsts % np.uint64(rate)).astype(np.int64), counts)
+        return (starts + numbers) * SECOND // rate - starts * SECOND // rate
+    return np.rint(numbers * (period * SECOND)).astype(np.int64)

@@ -15,8 +15,15 @@ from rpud_sim.bag import BagWriter, QosProfile, Topic, whole_bag
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
-from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
+from rpud_sim.bag.metadata import (
+    LOSSES_RECORD,
+    MANIFEST_RECORD,
+    Losses,
+    Manifest,
+    installed_versions,
+    losses_to_record,
+    machine_name,
+)
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.runs import installed_codec
 from rpud_sim.simulation.batch import Batch, spans

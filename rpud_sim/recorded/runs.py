@@ -18,10 +18,9 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Kind, columns_of
+from rpud_sim.bag.columns import FieldReader, Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.recorded import RecordingError
@@ -539,7 +538,7 @@ def progress_readers(bag: BagReader, prefix: str) -> ProgressReaders:
             same = (topic.type, topic.type_hash) == (own, find_type_hash(own))
             codec = installed_codec(own) if same else Codec(topic.type, summary.definition)
             wanted = {"header.stamp": Kind.TIME}
-            if codec.type.name == TOPICS["status"].type:
+            if codec.type == TOPICS["status"].type:
                 wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
             columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
             names = {column.attribute: column.name for column in columns}

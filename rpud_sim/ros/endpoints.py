@@ -21,7 +21,7 @@ from rclpy.qos import (
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from rpud_sim.bag.losses import SequenceGaps
+from rpud_sim.ros.sequence_gaps import SequenceGaps
 
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 

@@ -16,15 +16,17 @@ from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
-from rpud_sim.bag.manifest import (
+from rpud_sim.bag.metadata import (
+    LOSSES_RECORD,
     MANIFEST_RECORD,
+    Losses,
     Manifest,
     RunVerdict,
     installed_versions,
+    losses_to_record,
     machine_name,
 )
-from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED_RECORD
+from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.testing.drill import Drill
 

@@ -15,13 +15,13 @@ from rclpy.serialization import deserialize_message
 from rpud_msgs.srv import GetDelivery
 from sensor_msgs.msg import JointState
 
-from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topics import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.endpoints import FollowedTopic, request_for, taken
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from rpud_sim.bag import Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
-from rpud_sim.bag.columns import RECEIVED, objects, to_rows
+from rpud_sim.bag.columns import RECEIVED, objects
+from rpud_sim.bag.tables import to_rows
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.values import Ragged
 from rpud_sim.recorded.runs import RecordedRun, runs_of

@@ -16,8 +16,7 @@ import numpy as np
 import rpud_sim.bag
 from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.batches import SerializedBatch, joined, messages_of
-from rpud_sim.bag.columns import Column, Kind, usable
-from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.columns import Column, FieldReader, Kind, usable
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded.run_clock import RunClock

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.manifest import (
+from rpud_sim.bag.metadata import (
     MANIFEST_RECORD,
     VERDICT_RECORD,
     Manifest,

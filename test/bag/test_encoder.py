@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
-from rosbags.interfaces import Nodetype
 from sensor_msgs.msg import JointState
 
 from rpud_sim.bag.definitions import find_type_hash
-from rpud_sim.bag.encoder import CODES, TEXT, Encoder
+from rpud_sim.bag.encoder import CODES, TEXT, Encoder, Members, Sequence
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.values import Ragged
 from rpud_sim.recorded.runs import installed_codec
@@ -25,44 +24,42 @@ FORCE, JOINTS = "rpud_msgs/msg/ReactingForce", "sensor_msgs/msg/JointState"
 TRAJECTORY = "rpud_msgs/msg/Trajectory"
 
 NUMBERS = {
-    "bool": st.booleans(),
-    "float64": st.floats(),
-    "int32": st.integers(-(2**31), 2**31 - 1),
-    "int64": st.integers(-(2**63), 2**63 - 1),
-    "uint8": st.integers(0, 2**8 - 1),
-    "uint32": st.integers(0, 2**32 - 1),
-    "uint64": st.integers(0, 2**64 - 1),
-    "string": st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=9),
+    CODES["bool"]: st.booleans(),
+    CODES["float64"]: st.floats(),
+    CODES["int32"]: st.integers(-(2**31), 2**31 - 1),
+    CODES["int64"]: st.integers(-(2**63), 2**63 - 1),
+    CODES["uint8"]: st.integers(0, 2**8 - 1),
+    CODES["uint32"]: st.integers(0, 2**32 - 1),
+    CODES["uint64"]: st.integers(0, 2**64 - 1),
+    CODES["string"]: st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=9),
 }
 
 
-def values_of(kind, inner=None):
-    """Strategy for plain values of a message, or of one in it."""
-    fields = installed_codec(kind).fields(inner or kind)
-    return st.fixed_dictionaries({name: value_of(kind, *field) for name, field in fields})
+def values_of(members):
+    """Strategy for plain values of a message."""
+    return st.fixed_dictionaries({name: value_of(node) for name, node in members.members})
 
 
-def value_of(kind, node, described):
-    if node == Nodetype.NAME:
-        return values_of(kind, described)
-    if node == Nodetype.BASE:
-        return NUMBERS[described[0]]
-    element, item = described[0]
-    several = st.lists(value_of(kind, element, item), max_size=4)
-    if element == Nodetype.NAME or CODES[item[0]] == TEXT:
+def value_of(node):
+    if isinstance(node, Members):
+        return values_of(node)
+    if isinstance(node, str):
+        return NUMBERS[node]
+    several = st.lists(value_of(node.element), max_size=4)
+    if isinstance(node.element, Members) or node.element == TEXT:
         return several
-    return several.map(lambda values: array(CODES[item[0]], values))
+    return several.map(lambda values: array(node.element, values))
 
 
-def message_of(kind, values, inner=None):
+def message_of(members, values):
     """Return the ROS message."""
     content = {**values}
-    for name, (node, described) in installed_codec(kind).fields(inner or kind):
-        if node == Nodetype.NAME:
-            content[name] = message_of(kind, values[name], described)
-        elif node == Nodetype.SEQUENCE and described[0][0] == Nodetype.NAME:
-            content[name] = [message_of(kind, each, described[0][1]) for each in values[name]]
-    return message_class(inner or kind)(**content)
+    for name, node in members.members:
+        if isinstance(node, Members):
+            content[name] = message_of(node, values[name])
+        elif isinstance(node, Sequence) and isinstance(node.element, Members):
+            content[name] = [message_of(node.element, each) for each in values[name]]
+    return message_class(members.name)(**content)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -71,8 +68,10 @@ def message_of(kind, values, inner=None):
 def test_the_bytes_are_those_of_ros(kind, data):
     codec, of_ros = installed_codec(kind), Encoder(members_of(message_class(kind)))
     assert codec.type_hash == find_type_hash(kind)
-    for values in data.draw(st.lists(values_of(kind), min_size=1, max_size=3)):
-        message = message_of(kind, values)
+    for values in data.draw(
+        st.lists(values_of(installed_codec(kind).members), min_size=1, max_size=3)
+    ):
+        message = message_of(codec.members, values)
         content = codec.encode(values)
         assert content == of_ros.encode(values)
         # ROS leaves what lies between members, and a few bytes behind, as it was in memory.
@@ -120,10 +119,10 @@ def columns_of(rows):
 @given(st.data(), st.booleans())
 def test_columns_have_the_bytes_of_single_messages(kind, data, ragged):
     encoder = installed_codec(kind).encoder
-    first = data.draw(values_of(kind))
+    first = data.draw(values_of(installed_codec(kind).members))
     rows = [first]
     for _ in range(data.draw(st.integers(0, 4))):
-        other = data.draw(values_of(kind))
+        other = data.draw(values_of(installed_codec(kind).members))
         rows.append(mixed(first, other, ragged))
     encoded, sizes = encoder.encode_columns(columns_of(rows), len(rows))
     assert np.split(encoded, np.cumsum(sizes))[-1].size == 0

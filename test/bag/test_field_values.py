@@ -8,9 +8,8 @@ from sample_bags import SEPARATOR, batch_of, serialized
 from support import examples
 
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Kind, columns_of, to_plain
+from rpud_sim.bag.columns import FieldReader, Kind, columns_of, to_plain
 from rpud_sim.bag.encoder import Decoded
-from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.foundation.values import Ragged
 
 PARTS = f"""
@@ -129,7 +128,7 @@ def test_values_are_those_of_another_library(kind, data, order):
     codec = Codec("pkg/msg/All", definition)
     fields = store.deserialize_cdr(message, "pkg/msg/All")
     found = codec.decode(message)
-    for name, _ in codec.fields("pkg/msg/All"):
+    for name, _ in codec.members.members:
         assert told(getattr(found, name)) == told(of_library(getattr(fields, name)))
 
 

@@ -9,8 +9,12 @@ from sample_bags import LAUGHS, rewrite, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.losses import losses_from_record
-from rpud_sim.bag.metadata import SIZE_LIMIT, load_offered_qos, metadata_from_document
+from rpud_sim.bag.metadata import (
+    SIZE_LIMIT,
+    load_offered_qos,
+    losses_from_record,
+    metadata_from_document,
+)
 from rpud_sim.bag.recovery import recover
 
 

@@ -10,9 +10,8 @@ import pytest
 from sample_bags import START, write_mcap
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.cdr import DEFINITION_LIMIT, Codec
+from rpud_sim.bag.cdr import DECODED_LIMIT, DEFINITION_LIMIT, Codec
 from rpud_sim.bag.columns import columns_of
-from rpud_sim.bag.layout import DECODED_LIMIT
 
 GIGABYTE = 2**30
 SEPARATOR = "=" * 80
@@ -168,6 +167,6 @@ def test_the_budget_counts_what_is_there_and_not_what_could_be():
     image = bytes(25_000_000)
     message = b"\0\1\0\0" + struct.pack("<I", len(image)) + image + struct.pack("<II", 0, 1)
     codec = Codec("a_msgs/msg/A", definition)
-    assert codec.type.most(np.array([len(message)]))[0] > 10 * DECODED_LIMIT
+    assert codec.shape.most(np.array([len(message)]))[0] > 10 * DECODED_LIMIT
     decoded = codec.decode(message + b"\7")
     assert (len(decoded.image), len(decoded.parts)) == (len(image), 1)

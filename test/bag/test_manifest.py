@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.manifest import (
+from rpud_sim.bag.metadata import (
     Manifest,
     installed_versions,
     machine_name,

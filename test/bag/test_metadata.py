@@ -9,11 +9,14 @@ from sample_bags import CHAT, START, TALK
 from rpud_sim.bag.metadata import (
     INFINITE,
     FileInformation,
+    Losses,
     QosProfile,
     ReadMetadata,
     dump_document,
     dump_offered_qos,
     load_offered_qos,
+    losses_from_record,
+    losses_to_record,
     metadata_from_document,
     metadata_of,
 )
@@ -146,3 +149,18 @@ def test_numbers_of_versions_before_9_are_understood():
 )
 def test_offers_that_are_none_or_unknown(text, offered):
     assert load_offered_qos(text) == offered
+
+
+def test_losses_survive_the_bag():
+    losses = {"/a": Losses(transport=3, queue=2), "/b": Losses(None, 1, damaged=4)}
+    assert losses_from_record(losses_to_record(losses)) == losses
+
+
+def test_the_total_is_unknown_if_the_transport_does_not_count():
+    assert Losses(transport=3, queue=2).total == 5
+    assert Losses(transport=3, queue=2, damaged=1).total == 6
+    assert Losses(transport=None, queue=2).total is None
+
+
+def test_a_record_without_damaged_messages_is_read_too():
+    assert losses_from_record({"/a": '{"transport": 3, "queue": 2}'}) == {"/a": Losses(3, 2, 0)}

@@ -16,7 +16,7 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagWriter
-from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
+from rpud_sim.bag.metadata import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.bag.recovery import recover
 
 

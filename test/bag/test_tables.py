@@ -27,9 +27,9 @@ from sample_bags import (
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.columns import Kind
-from rpud_sim.bag.columns import _offsets as offsets_of_blocks
-from rpud_sim.bag.columns import _starts as starts_of_segments
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.tables import _offsets as offsets_of_blocks
+from rpud_sim.bag.tables import _starts as starts_of_segments
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
@@ -219,8 +219,8 @@ def test_a_part_of_the_time(tmp_path):
 
 
 def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 3000)
-    monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 4000)
+    monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 50_000)
+    monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 80_000)
     with rpud_sim.bag.open(write_everything(tmp_path / "bag", 50)) as bag:
         pieces = list(bag.tables())
         whole = bag.arrays("/all")

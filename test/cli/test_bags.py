@@ -8,7 +8,7 @@ from sample_bags import CHAT, START, STRING, TALK, write_bag, write_mcap
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
+from rpud_sim.bag.metadata import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 
 
 def test_info_shows_people_and_programs_the_same(tmp_path, rpud):

@@ -10,8 +10,8 @@ from rosbags.highlevel import AnyReader
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.manifest import manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.metadata import manifest_from_record
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset

@@ -12,7 +12,7 @@ from rpud_msgs.msg import Status
 from support import called, rpud, until
 
 import rpud_sim.bag
-from rpud_sim.bag.losses import RECORDING_RECORD
+from rpud_sim.bag.metadata import RECORDING_RECORD
 
 
 def run(*words):

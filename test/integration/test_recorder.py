@@ -15,8 +15,8 @@ from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.manifest import manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.metadata import manifest_from_record
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"

@@ -4,12 +4,12 @@ import hashlib
 import itertools
 
 import numpy as np
+from rpud_sim.recorded.recorded_journal import installed_codec
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.manifest import MANIFEST_RECORD, manifest_from_record
-from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.bag.metadata import MANIFEST_RECORD, manifest_from_record
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault

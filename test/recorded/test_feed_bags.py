@@ -2,14 +2,14 @@
 
 import pytest
 from inspection.forked_runs import held
+from rpud_sim.recorded.verify.verification import verify
+from rpud_sim.simulation.plans import Changes, Planned, apply_change, parameter_changes
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.offline_bag import write_fork, write_offline_bag
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation import Feed
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_ensemble
-from rpud_sim.simulation.plans import Changes, Planned, apply_change, parameter_changes
 from rpud_sim.simulation.run import Beginning, Run
 
 MILLISECOND = 1_000_000

@@ -5,12 +5,12 @@ import json
 import pytest
 from altered_bags import altered, unchanged
 from inspection.forked_runs import JOURNAL, SECOND, entries_of
+from rpud_sim.recorded.recorded_journal import UnverifiableError, installed_codec
+from rpud_sim.recorded.verify.verification import verify
 
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.recorded import RecordingError, recorded_journal
 from rpud_sim.recorded.offline_bag import write_fork
-from rpud_sim.recorded.recorded_journal import UnverifiableError, installed_codec
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation.topics import TOPICS
 
 AHEAD = 600  # s; long enough to see that it is not simulated

@@ -17,13 +17,13 @@ from inspection.forked_runs import (
     held,
     manifest_of,
 )
+from rpud_sim.recorded.verify.verification import verify
+from rpud_sim.simulation.plans import parameter_changes
 from sample_bags import write_offline_bag
 
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_fork
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import parameter_changes
 from rpud_sim.simulation.scenario_file import parse_injections
 from rpud_sim.simulation.topics import TOPICS
 

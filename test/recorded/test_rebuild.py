@@ -12,7 +12,6 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded import rebuild as rebuilding
 from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import CHANNELS, Times

@@ -4,11 +4,11 @@ import json
 
 import pytest
 from inspection.forked_runs import JOURNAL, MILLISECOND, decoded, entries_of, held, manifest_of
+from rpud_sim.recorded.verify.verification import verify
+from rpud_sim.simulation.plans import parameter_changes
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.offline_bag import write_fork
-from rpud_sim.recorded.verify.verification import verify
-from rpud_sim.simulation.plans import parameter_changes
 from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-
 from rpud_sim.recorded.run_clock import RunClock
 
 SECOND = 1_000_000_000

@@ -13,6 +13,7 @@ from drill_configurations import SANDSTONE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.lib.recfunctions import repack_fields
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from support import examples
 
 from rpud_sim.model import compile, engine
@@ -32,7 +33,6 @@ from rpud_sim.simulation.ensemble import (
     runs_by_itself,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 

@@ -9,14 +9,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support import one_by_one
-
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
-from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.fields import Bookkeeping, stamp_of
-from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.rerun import (
     MOST_CHECKPOINTS,
@@ -25,6 +17,14 @@ from rpud_sim.simulation.rerun import (
     JournalError,
     Rerun,
 )
+from support import one_by_one
+
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.fields import Bookkeeping, stamp_of
+from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.simulation import initial_phases
 

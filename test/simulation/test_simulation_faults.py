@@ -10,6 +10,7 @@ from drill_configurations import FULL, RESONANT, SANDSTONE
 from fault_signatures import ON_AN_ARM_ALONE as SLOW
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
@@ -18,7 +19,6 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import MOST_CLEARED, Fault, FaultError, FaultLedger, FaultRecord
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from support import one_by_one
 
 from rpud_sim.bag.cdr import Codec
@@ -21,7 +22,6 @@ from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation

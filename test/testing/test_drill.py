@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 from rpud_msgs.msg import Status
+from rpud_sim.recorded.verify.verification import verify
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.ros.client import DrillClient, RefusedError
 from rpud_sim.testing import (
     ExpectationFailedError,

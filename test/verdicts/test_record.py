@@ -10,7 +10,7 @@ from sample_bags import SECOND, serialized
 
 from rpud_sim import bag as bags
 from rpud_sim.bag import Losses, Topic
-from rpud_sim.bag.losses import LOSSES_RECORD, losses_to_record
+from rpud_sim.bag.metadata import LOSSES_RECORD, losses_to_record
 from rpud_sim.verdicts import (
     Expectation,
     ExpectationError,

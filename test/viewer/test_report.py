@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rpud_sim.simulation.plans import Planned
 from viewer.frame_reader import decode
 from viewer.recorded_bags import rewritten
 
 import rpud_sim.bag
 import rpud_sim.viewer
-from rpud_sim.bag.manifest import VERDICT_RECORD, RunVerdict
+from rpud_sim.bag.metadata import VERDICT_RECORD, RunVerdict
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.plans import Planned
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.viewer.report import (

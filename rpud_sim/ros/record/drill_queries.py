@@ -15,7 +15,7 @@ from rpud_msgs.msg import JournalEntry
 from rpud_msgs.srv import GetJournal
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
+from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import node_name
 from rpud_sim.ros.record.recorder_node import Recorder
 

@@ -11,7 +11,7 @@ from math import inf
 from typing import NamedTuple
 
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
+from rpud_sim.bag.metadata import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.process import StopRequest, running_ros

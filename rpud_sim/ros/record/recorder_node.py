@@ -17,7 +17,7 @@ from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
 
 from rpud_sim.bag import BagWriter, Message
-from rpud_sim.bag.losses import Losses
+from rpud_sim.bag.metadata import Losses
 from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import UnknownTypeError
 from rpud_sim.ros.record.record_options import RecordOptions

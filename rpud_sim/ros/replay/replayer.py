@@ -182,7 +182,7 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
         codec = Codec(topic.type, summary.definition)
     except BagFormatError as error:
         raise UnknownTypeError(str(error)) from error
-    recorded = {name for name, _ in codec.fields(topic.type)}
+    recorded = {name for name, _ in codec.members.members}
     if gone := recorded - installed.get_fields_and_field_types().keys():
         raise UnknownTypeError(f"the installed {topic.type} has no {', '.join(sorted(gone))}")
 

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import qmc
 
-from rpud_sim.bag.manifest import Manifest, installed_versions
+from rpud_sim.bag.metadata import Manifest, installed_versions
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.ensemble import run_members

@@ -8,6 +8,8 @@ import re
 import numpy as np
 import pytest
 from altered_bags import altered, merged, unchanged
+from rpud_sim.pages.plot import Points, axis_ends
+from rpud_sim.recorded.recorded_journal import installed_codec
 from sample_bags import write_offline_bag
 from support import called
 
@@ -23,8 +25,6 @@ from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.page import difference_plot, render
 from rpud_sim.recorded.compare.results import content, texts
 from rpud_sim.recorded.compare.values import RecordedValues
-from rpud_sim.recorded.recorded_journal import installed_codec
-from rpud_sim.pages.plot import Points, axis_ends
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")

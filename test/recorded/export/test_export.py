@@ -27,9 +27,14 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter, Topic
-from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
-from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.manifest import Manifest, manifest_from_record
+from rpud_sim.bag.metadata import (
+    LOSSES_RECORD,
+    Losses,
+    Manifest,
+    losses_to_record,
+    manifest_from_record,
+)
+from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
 from rpud_sim.recorded.export import ACCOUNT, FORMATS, export, file_stem
 from rpud_sim.simulation import preset
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from inspection.verify.proof_bags import ARM as VALUES
+from rpud_sim.recorded.verify.verification import verify
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 
 import rpud_sim.bag
 from rpud_sim.recorded.offline_bag import write_offline_bag
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.topics import TOPICS, offered_topics
 

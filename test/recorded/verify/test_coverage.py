@@ -3,9 +3,9 @@
 import pytest
 from altered_bags import altered, messages_of
 from inspection.verify.proof_bags import JOURNAL, ON_ARM
+from rpud_sim.recorded.verify.verification import PROVED, verify
 from sample_bags import write_offline_bag
 
-from rpud_sim.recorded.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 
 

@@ -9,13 +9,13 @@ from altered_bags import altered, edited, numbered, unchanged
 from hypothesis import given
 from hypothesis import strategies as st
 from inspection.verify.proof_bags import JOURNAL
-
-from rpud_sim.bag import Message
-from rpud_sim.bag.columns import to_plain
 from rpud_sim.recorded.recorded_journal import JOURNAL as TYPE
 from rpud_sim.recorded.recorded_journal import Recorded, UnverifiableError, installed_codec
 from rpud_sim.recorded.verify.coverage import JournalStretches
 from rpud_sim.recorded.verify.verification import PROVED, verify
+
+from rpud_sim.bag import Message
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.versions import ENGINE
 

@@ -5,13 +5,13 @@ from itertools import pairwise
 
 import pytest
 from altered_bags import altered, edited, flipped, messages_of, numbered
+from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.recorded.verify.verification import verify
 from support import called
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.recorded.offline_bag import write_fork
-from rpud_sim.recorded.recorded_journal import installed_codec
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault

@@ -4,17 +4,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from inspection.verify.test_recorded_journal import recorded
+from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.recorded.recorded_topics import RecordedMessages, RecordedTopics
+from rpud_sim.recorded.verify.coverage import Coverage, JournalStretches
+from rpud_sim.recorded.verify.messages import computed_blocks
+from rpud_sim.recorded.verify.topic_comparison import TopicComparison
 from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.batches import blocks_of
 from rpud_sim.recorded import recorded_topics
-from rpud_sim.recorded.recorded_journal import installed_codec
-from rpud_sim.recorded.recorded_topics import RecordedMessages, RecordedTopics
-from rpud_sim.recorded.verify.coverage import Coverage, JournalStretches
-from rpud_sim.recorded.verify.messages import computed_blocks
-from rpud_sim.recorded.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Together

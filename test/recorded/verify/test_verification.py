@@ -7,13 +7,13 @@ import pytest
 from altered_bags import altered, flipped, merged, messages_of, numbered
 from inspection.forked_runs import write_used
 from inspection.verify.proof_bags import DURATION, JOURNAL, ON_ARM
+from rpud_sim.recorded.recorded_journal import UnverifiableError, installed_codec
+from rpud_sim.recorded.verify.verification import PROVED, verify
 from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.recorded.recorded_journal import UnverifiableError, installed_codec
-from rpud_sim.recorded.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.topics import TOPICS
 

@@ -12,7 +12,7 @@ from std_msgs.msg import Int32, String
 from support import until
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.losses import Losses
+from rpud_sim.bag.metadata import Losses
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rpud_sim.studies.fit.rounds import FitFolder
+from rpud_sim.studies.fit.surrogate import Region
 from specifications import parse_targets
 
 from rpud_sim.cli.studies import fit_lines
@@ -15,8 +17,6 @@ from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
 from rpud_sim.studies.fit.fit import fit_in, run_fit, run_proof
 from rpud_sim.studies.fit.fit_report import single_plots, unknown_quantity, write_fit
-from rpud_sim.studies.fit.rounds import FitFolder
-from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import read_target_file
 
 FIT = {

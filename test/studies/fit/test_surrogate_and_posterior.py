@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from rpud_sim.studies.fit.rounds import sobol_points
+from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from scipy import stats
 from specifications import parse_targets
 
 from rpud_sim.studies.fit.posterior import Likelihood, sample
-from rpud_sim.studies.fit.rounds import sobol_points
-from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from rpud_sim.studies.sweep.specification import Range
 
 SPREAD = 0.05

@@ -4,11 +4,11 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rpud_sim.recorded.verify.verification import verify
 from specifications import parse_specification
 from support import refusal
 
 import rpud_sim.bag
-from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification_file import read_specification

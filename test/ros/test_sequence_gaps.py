@@ -1,9 +1,9 @@
-"""Counts of lost messages survive the bag; gaps between numbered messages are counted exactly."""
+"""Gaps between numbered messages are counted exactly."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.bag.losses import Losses, SequenceGaps, losses_from_record, losses_to_record
+from rpud_sim.ros.sequence_gaps import SequenceGaps
 
 
 @given(st.integers(1, 10**12), st.sets(st.integers(1, 200)))
@@ -50,18 +50,3 @@ def test_what_new_publishers_sent_before_they_were_heard_is_missing(firsts):
     for first in sorted({2 * first for first in firsts}, reverse=True):  # none continues another
         gaps.note(first)
     assert gaps.missing == sum(2 * first - 1 for first in set(firsts))
-
-
-def test_round_trip():
-    losses = {"/a": Losses(transport=3, queue=2), "/b": Losses(None, 1, damaged=4)}
-    assert losses_from_record(losses_to_record(losses)) == losses
-
-
-def test_the_total_is_unknown_if_the_transport_does_not_count():
-    assert Losses(transport=3, queue=2).total == 5
-    assert Losses(transport=3, queue=2, damaged=1).total == 6
-    assert Losses(transport=None, queue=2).total is None
-
-
-def test_a_record_without_damaged_messages_is_read_too():
-    assert losses_from_record({"/a": '{"transport": 3, "queue": 2}'}) == {"/a": Losses(3, 2, 0)}
