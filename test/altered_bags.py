@@ -4,8 +4,6 @@ import json
 from contextlib import suppress
 from dataclasses import replace
 
-from rpud_sim.recorded.recorded_journal import installed_codec
-
 from rpud_sim import bag as bags
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.metadata import LOSSES_RECORD

@@ -55,15 +55,13 @@ _POLICIES = {
     "history": ("system_default", "keep_last", "keep_all", "unknown"),
     "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
     "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
-    "liveliness": tuple(
-        [
-            "system_default",
-            "automatic",
-            "manual_by_node",
-            "manual_by_topic",
-            "unknown",
-            "best_available",
-        ]
+    "liveliness": (
+        "system_default",
+        "automatic",
+        "manual_by_node",
+        "manual_by_topic",
+        "unknown",
+        "best_available",
     ),
 }
 _PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")

@@ -213,9 +213,7 @@ def test_a_run_of_several_is_chosen(made, tmp_path):
 
 def test_a_drill_of_several_is_chosen(made, tmp_path):
     path = merged(tmp_path / "both", (made / "a", 0, "/left"), (made / "other", 0, "/right"))
-    with pytest.raises(
-        RecordingError, match="several drills: choose --namespace of /left, /right"
-    ):
+    with pytest.raises(RecordingError, match="several drills: choose --namespace of /left, /right"):
         compare([path, made / "a"])
     with pytest.raises(RecordingError, match="did you mean /left"):
         compare([path, made / "a"], namespaces=["lefd", None])
