@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
 import struct
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -32,72 +31,91 @@ class TopicStreams:
     """
 
     def __init__(self, read: Callable[[Collection[str]], Iterator[SerializedBatch]]) -> None:
-        self._read = read
-        self._waiting: dict[str, list[deque[SerializedBatch]]] = {}  # of each stream, by its topic
-        self._size = 0  # of waiting messages [bytes]
+        self.read = read
+        self.waiting = 0  # size of the messages that wait [bytes]
+        self._streams: dict[str, list[TopicStream]] = {}  # by topic
 
     @cached_property
     def _together(self) -> Iterator[SerializedBatch]:
-        return self._read(set(self._waiting))
+        return self.read(set(self._streams))
 
-    def stream(self, topic: str) -> Generator[SerializedBatch, None, None]:
-        """Return the messages of a topic in their order, for one reader.
+    def stream(self, topic: str) -> TopicStream:
+        """Return the messages of a topic; nothing is read before all have their streams."""
+        stream = TopicStream(self, topic)
+        self._streams.setdefault(topic, []).append(stream)
+        return stream
 
-        Nothing is read before all readers have theirs. One that is closed before its end lets no
-        further messages wait.
-        """
-        waiting: deque[SerializedBatch] = deque()
-        self._waiting.setdefault(topic, []).append(waiting)
-        return self._stream(topic, waiting)
+    def advance(self) -> bool:
+        """Read the next batch for the streams of its topic; return whether there was one."""
+        if (batch := next(self._together, None)) is None:
+            return False
+        if streams := [each for each in self._streams[batch.topic] if not each.closed]:
+            kept = batch.packed()  # a few messages must not keep a whole chunk
+            for each in streams:
+                each.add(kept)
+        return True
 
-    def _stream(
-        self, topic: str, waiting: deque[SerializedBatch]
-    ) -> Generator[SerializedBatch, None, None]:
-        passed = 0  # messages so far
-        try:
-            while waiting or self._size <= _MOST_WAITING:
-                if waiting:
-                    # Together, as each block costs more than a few small messages.
-                    parts = [waiting.popleft()]
-                    size = len(parts[0].data)
-                    while waiting and size < _FEW:
-                        parts.append(waiting.popleft())
-                        size += len(parts[-1].data)
-                    self._size -= size
-                    found = joined(parts)
-                    passed += len(found)
-                    yield found
-                elif (block := next(self._together, None)) is None:
-                    return
-                elif readers := self._waiting[block.topic]:
-                    kept = block.packed()  # a few messages must not keep a whole chunk
-                    for each in readers:
-                        each.append(kept)
-                        self._size += len(kept.data)
-        finally:
-            self._size -= sum(len(block.data) for block in waiting)
-            readers = self._waiting[topic]
-            readers[:] = [each for each in readers if each is not waiting]
-        for block in self._read({topic}):
-            rest = block.part(slice(min(passed, len(block)), None))
-            passed -= len(block) - len(rest)
+
+class TopicStream:
+    """Messages of one topic, in their order; an empty list where others must be read first."""
+
+    def __init__(self, streams: TopicStreams, topic: str) -> None:
+        self.waiting = 0  # size of the messages that wait [bytes]
+        self.closed = False
+        self._streams, self._topic = streams, topic
+        self._batches: deque[SerializedBatch] = deque()
+        self._passed = 0  # messages so far
+        self._alone: Iterator[SerializedBatch] | None = None  # its own pass
+
+    def add(self, batch: SerializedBatch) -> None:
+        self._batches.append(batch)
+        self._count(len(batch.data))
+
+    def _count(self, size: int) -> None:
+        self.waiting += size
+        self._streams.waiting += size
+
+    def __iter__(self) -> TopicStream:
+        return self
+
+    def __next__(self) -> list[SerializedBatch]:
+        if self._batches:
+            # Together, as each batch costs more than a few small messages.
+            found, size = [self._batches.popleft()], 0
+            while self._batches and (size := size + len(found[-1].data)) < _FEW:
+                found.append(self._batches.popleft())
+            self._count(-sum(len(each.data) for each in found))
+            self._passed += sum(map(len, found))
+            return [joined(found)]
+        if self._alone is None and self._streams.waiting <= _MOST_WAITING:
+            if self._streams.advance():
+                return []
+            raise StopIteration
+        self._alone = self._alone or self._rest()
+        return [next(self._alone)]
+
+    def close(self) -> None:
+        """Let no further messages wait."""
+        self.closed = True
+        self._count(-self.waiting)
+        self._batches.clear()
+
+    def _rest(self) -> Iterator[SerializedBatch]:
+        passed = self._passed
+        for batch in self._streams.read({self._topic}):
+            rest = batch.part(slice(min(passed, len(batch)), None))
+            passed -= len(batch) - len(rest)
             if len(rest):
                 yield rest
 
 
-def read_together(readers: Iterable[Iterator[int]]) -> None:
-    """Read all to their ends; each yields, now and then, to which time it came [ns].
-
-    The one that is behind goes on, so that few messages of the others wait.
-    """
-    queue = [(-(2**63), number, reader) for number, reader in enumerate(readers)]
-    while queue:
-        _, number, reader = queue[0]
-        time = next(reader, None)
-        if time is None:
-            heapq.heappop(queue)
-        else:
-            heapq.heapreplace(queue, (time, number, reader))
+def read_together(readers: Iterable[tuple[Iterator[object], Sequence[TopicStream]]]) -> None:
+    """Read all to their ends, each from its streams; first the one for which most waits."""
+    left = list(readers)
+    while left:
+        chosen = max(left, key=lambda each: sum([stream.waiting for stream in each[1]]))
+        if next(chosen[0], left) is left:
+            left.remove(chosen)
 
 
 @dataclass(frozen=True)
@@ -106,16 +124,15 @@ class KeyedMessages:
 
     messages: SerializedBatch
     runs: np.ndarray  # number of the run of each, ascending, shape (n,)
-    times: np.ndarray  # of the stamp of each, in the time that streams share, shape (n,) [ns]
-    origins: np.ndarray  # stamp of zero in that time, shape (n,) [ns]
+    origins: np.ndarray  # stamp of zero in the time that streams share, shape (n,) [ns]
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Stamps in the time that streams share, shape (n,) [ns]."""
+        return stamps_of(self.messages) - self.origins
 
     def part(self, chosen: slice) -> KeyedMessages:
-        return KeyedMessages(
-            self.messages.part(chosen),
-            self.runs[chosen],
-            self.times[chosen],
-            self.origins[chosen],
-        )
+        return KeyedMessages(self.messages.part(chosen), self.runs[chosen], self.origins[chosen])
 
 
 def stamps_of(block: SerializedBatch) -> np.ndarray:
@@ -163,19 +180,31 @@ class Head:
 
 
 class Cursor:
-    """Place in a stream of one topic."""
+    """Place in a stream of one topic, whose parts may be empty."""
 
-    def __init__(self, parts: Iterator[KeyedMessages], codec: Codec) -> None:
+    def __init__(self, parts: Iterator[KeyedMessages | None], codec: Codec) -> None:
         self._parts = parts
         self._codec = codec
+        self._ended = False
         self._held: deque[KeyedMessages] = deque()
         self._heads: deque[Head] = deque()  # of the first messages
 
+    def ready(self) -> bool:
+        """Take the next part if none is held; return whether the next message is known now."""
+        return bool(self._held) or self._ended or self._take()
+
+    def _take(self) -> bool:
+        part = next(self._parts, self)
+        if isinstance(part, Cursor):
+            self._ended = True
+            return True
+        if part is None or not len(part.runs):
+            return False
+        self._held.append(part)
+        return True
+
     def held(self) -> KeyedMessages | None:
-        """Return the next messages, at least one; None at the end."""
-        while not self._held and (part := next(self._parts, None)) is not None:
-            if len(part.runs):
-                self._held.append(part)
+        """Return the next messages of a cursor that is ready, at least one; None at the end."""
         return self._held[0] if self._held else None
 
     def head(self, ahead: int = 0) -> Head | None:
@@ -188,10 +217,9 @@ class Cursor:
                     break
                 number -= len(part.runs)
             else:
-                if (following := next(self._parts, None)) is None:
+                if self._ended:
                     return None
-                if len(following.runs):
-                    self._held.append(following)
+                self._take()
         return self._heads[ahead]
 
     def skip(self, count: int) -> None:
@@ -206,10 +234,9 @@ class Cursor:
 
 
 class Matched(NamedTuple):
-    """Step of a comparison: equal messages, a pair, or a message of one side."""
+    """Step of a comparison: equal messages, a pair, a message of one side, or none yet."""
 
     equal: int = 0  # number of equal messages
-    time: int = 0  # of the last of them [ns]
     first: Head | None = None
     second: Head | None = None
 
@@ -225,18 +252,20 @@ def matched(
     """
     latest: tuple[bytes, bytes] = b"", b""
     while True:
+        if not (first.ready() and second.ready()):
+            yield Matched()
+            continue
         count = _equal_count(first.held(), second.held(), several_times)
         if count:
             held = first.held()
             assert held is not None
-            time = int(held.times[count - 1])
             if latched:
                 latest = held.messages.message(count - 1), latest[1]
                 other = second.held()
                 latest = latest[0], other.messages.message(count - 1) if other else b""
             first.skip(count)
             second.skip(count)
-            yield Matched(count, time)
+            yield Matched(count)
             continue
         one, other_one = first.head(), second.head()
         if latched:
@@ -285,14 +314,15 @@ def _equal_count(
         return 0
     count = min(len(first.runs), len(second.runs))
     same = first.runs[:count] == second.runs[:count]
-    same &= first.times[:count] == second.times[:count]
     same &= first.messages.sizes[:count] == second.messages.sizes[:count]
-    if several_times:
-        same &= first.origins[:count] == second.origins[:count]
+    shifts = bool((first.origins[:count] != second.origins[:count]).any())
+    if shifts:  # otherwise equal bytes have equal times
+        same &= first.times[:count] == second.times[:count]
+        if several_times:
+            same &= first.origins[:count] == second.origins[:count]
     if not (count := _leading(same)):
         return 0
     sizes = first.messages.sizes[:count]
-    shifts = bool((first.origins[:count] != second.origins[:count]).any())
     one, other = (_content(each.messages, count, shifts) for each in (first, second))
     if np.array_equal(one, other):
         return count

@@ -37,11 +37,11 @@ from rpud_sim.recorded.streams import (
     Cursor,
     Head,
     KeyedMessages,
+    TopicStream,
     TopicStreams,
     difference,
     matched,
     read_together,
-    stamps_of,
 )
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVED, TOPICS
 
@@ -201,15 +201,15 @@ class _Proof:
     def _compare(self) -> dict[str, _TopicProof]:
         computed = TopicStreams(self._computed)
         recorded = TopicStreams(self._bag.batches)
-        streams = {}
+        proofs, readers = {}, []
         for name, codec in self._codecs.items():
             full = self._runs[0].topic(name)
-            expected = Cursor(self._keyed(computed.stream(full)), codec)
-            found = Cursor(self._keyed(recorded.stream(full)), codec)
-            streams[name] = expected, found
-        proofs = {name: _TopicProof(TOPICS[name].latched, self._coverage) for name in streams}
+            streams = computed.stream(full), recorded.stream(full)
+            proofs[name] = _TopicProof(TOPICS[name].latched, self._coverage)
+            cursors = [Cursor(self._keyed(stream), codec) for stream in streams]
+            readers.append((proofs[name].compare(*cursors), streams))
         try:
-            read_together(proofs[name].compare(*pair) for name, pair in streams.items())
+            read_together(readers)
         except EngineError as error:
             raise UnverifiableError(f"{self._journal}: {error}") from error
         except RecordingError as error:
@@ -233,12 +233,15 @@ class _Proof:
                     counted = time
             self._count(end - counted)
 
-    def _keyed(self, blocks: Iterator[SerializedBatch]) -> Iterator[KeyedMessages]:
+    def _keyed(self, stream: TopicStream) -> Iterator[KeyedMessages | None]:
         """Yield messages with the number of their run, from 1; 0 before the first."""
         edges = np.array([run.window[0] for run in self._runs])
-        for block in blocks:
-            runs = np.searchsorted(edges, block.publish_times, side="right")
-            yield KeyedMessages(block, runs, stamps_of(block), np.zeros(len(block), np.int64))
+        for batches in stream:
+            for batch in batches:
+                runs = np.searchsorted(edges, batch.publish_times, side="right")
+                yield KeyedMessages(batch, runs, np.zeros(len(batch), np.int64))
+            if not batches:
+                yield None
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
@@ -294,20 +297,21 @@ class _TopicProof:
         self._latched, self._coverage = latched, coverage
         self._missing = 0  # computed messages skipped since the last recorded one
 
-    def compare(self, computed: Cursor, recorded: Cursor) -> Iterator[int]:
-        """Compare all messages; yield the stamps to which it came [ns]."""
+    def compare(self, computed: Cursor, recorded: Cursor) -> Iterator[None]:
+        """Compare all messages, step by step."""
         for step in matched(computed, recorded, latched=self._latched):
             if step.equal:
                 self._match("equal", step.equal)
-                yield step.time
+                yield
             elif step.first is None:
-                assert step.second is not None
-                self._unexpected(step.second)
+                if step.second is not None:
+                    self._unexpected(step.second)
+                yield
             elif step.second is not None:
                 self._pair(step.first, step.second)
             elif recorded.head() is not None:
                 self._missing += 1
-                yield step.first.time
+                yield
             elif self._is_after_the_end(step.first):
                 return
 

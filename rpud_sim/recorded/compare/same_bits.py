@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, TopicSummary
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.compare.values import OpenRun
 from rpud_sim.recorded.runs import RecordedRun
-from rpud_sim.recorded.streams import Cursor, KeyedMessages, difference, matched, stamps_of
+from rpud_sim.recorded.streams import (
+    Cursor,
+    KeyedMessages,
+    TopicStream,
+    difference,
+    matched,
+)
 from rpud_sim.simulation.topics import PROVED, TOPICS
 
 EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
@@ -50,7 +54,7 @@ Compared = tuple[TopicBits, int | None]
 
 def bits_readers(
     reference: OpenRun, run: OpenRun, found: dict[str, Compared], report: Callable[[int], object]
-) -> Iterator[Iterator[int]]:
+) -> Iterator[tuple[Iterator[object], Sequence[TopicStream]]]:
     """Yield a reader for each topic that a run computes, for ``read_together``.
 
     Each puts what it finds under the topic's name.
@@ -73,7 +77,7 @@ def bits_readers(
                 Cursor(_keyed(stream, each.drill, report), codec)
                 for stream, each in zip(streams, (reference, run), strict=True)
             ]
-            yield _read(topic, streams, cursors, found)
+            yield _read(topic, streams, cursors, found), streams
 
 
 def _not_compared(topic: str, note: str) -> Compared:
@@ -94,29 +98,32 @@ def _topics(run: OpenRun) -> dict[str, TopicSummary]:
 
 
 def _keyed(
-    blocks: Iterator[SerializedBatch], run: RecordedRun, report: Callable[[int], object]
-) -> Iterator[KeyedMessages]:
+    stream: TopicStream, run: RecordedRun, report: Callable[[int], object]
+) -> Iterator[KeyedMessages | None]:
     """Yield the messages of a run with their simulation times."""
-    for block in blocks:
-        report(len(block))
-        own = block.part(run.holds(block.publish_times))
-        origins = run.origins(own.publish_times)
-        yield KeyedMessages(own, np.zeros(len(own), np.int64), stamps_of(own) - origins, origins)
+    for batches in stream:
+        for batch in batches:
+            report(len(batch))
+            own = batch.part(run.holds(batch.publish_times))
+            runs = np.zeros(len(own), np.int64)
+            yield KeyedMessages(own, runs, run.origins(own.publish_times))
+        if not batches:
+            yield None
 
 
 def _read(
     topic: str,
-    streams: Sequence[Generator[SerializedBatch, None, None]],
+    streams: Sequence[TopicStream],
     cursors: Sequence[Cursor],
     found: dict[str, Compared],
-) -> Iterator[int]:
-    with closing(streams[0]), closing(streams[1]):
-        comparison = _compare_topic(topic, *cursors)
-        found[topic] = yield from comparison
+) -> Iterator[None]:
+    found[topic] = yield from _compare_topic(topic, *cursors)
+    for stream in streams:
+        stream.close()
 
 
-def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[int, None, Compared]:
-    """Compare up to the first difference; yield simulation times [ns]."""
+def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[None, None, Compared]:
+    """Compare up to the first difference."""
     equal = 0
     steps = matched(
         first, second, several_times=topic in _SEVERAL_TIMES, latched=TOPICS[topic].latched
@@ -125,12 +132,12 @@ def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[int, 
         one, other = step.first, step.second
         if step.equal:
             equal += step.equal
-            yield step.time
+            yield
         elif one and other:
             if different := difference(one, other):
                 return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *different), None
             equal += 1
-            yield one.time
+            yield
         elif only := one or other:
             left = (second if one else first).head() is None
             if left and equal:
@@ -140,7 +147,9 @@ def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[int, 
                 texts = ("a message", "nothing at this time")
                 texts = texts if one else texts[::-1]
                 return TopicBits(topic, DIFFERENT, equal, only.time / SECOND, "", *texts), None
-            yield only.time  # a recorder that began later misses nothing before
+            yield  # a recorder that began later misses nothing before
+        else:
+            yield
     if not equal:
         return _not_compared(topic, "the runs have no time in common")
     return TopicBits(topic, EQUAL, equal), None

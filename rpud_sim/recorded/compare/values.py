@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag import BagReader
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.tables import Tables
 from rpud_sim.foundation.quantities import QUANTITIES as SHOWN
@@ -18,7 +17,7 @@ from rpud_sim.foundation.quantities import ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import RecordedRun
-from rpud_sim.recorded.streams import TopicStreams
+from rpud_sim.recorded.streams import TopicStream, TopicStreams
 from rpud_sim.simulation.topics import TOPICS
 
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
@@ -159,30 +158,31 @@ class OpenRun(NamedTuple):
 
 def value_readers(
     run: OpenRun, values: RecordedValues, report: Callable[[int], object]
-) -> Iterator[Iterator[int]]:
+) -> Iterator[tuple[Iterator[object], Sequence[TopicStream]]]:
     """Yield a reader for each topic, for ``read_together``."""
     tables = Tables(run.bag.path, run.bag.readable_topics, {})
     for name in _READ:
         full = run.drill.topic(name)
         if _usable_topic(run.bag, full):
-            yield _read(run, name, tables, run.recorded.stream(full), values, report)
+            stream = run.recorded.stream(full)
+            yield _read(run, name, tables, stream, values, report), (stream,)
 
 
 def _read(
     run: OpenRun,
     name: str,
     tables: Tables,
-    blocks: Iterable[SerializedBatch],
+    stream: TopicStream,
     values: RecordedValues,
     report: Callable[[int], object],
-) -> Iterator[int]:
-    """Read a topic into the values; yield the simulation times to which it came [ns]."""
+) -> Iterator[None]:
+    """Read a topic into the values."""
     full = run.drill.topic(name)
     chosen = tables.choose([full])
     parts = []
-    for block in blocks:
-        report(len(block))
-        for batch in tables.batches(chosen, [block], run.damages.add):
+    for batches in stream:
+        report(sum(map(len, batches)))
+        for batch in tables.batches(chosen, batches, run.damages.add):
             published = batch.columns["publish_time"]
             times = (batch.columns["header.stamp"] - run.drill.origins(published)) / SECOND
             own = run.drill.holds(published)
@@ -190,7 +190,7 @@ def _read(
                 values.faults |= {f.number: f for f in _faults(batch.columns, own, run.drill)}
             else:
                 parts.append(_rows(batch.columns, own & (times >= 0), times, name))
-            yield round(SECOND * float(times.max(initial=0.0)))
+        yield
     if parts:
         values.topics[name] = {
             key: np.concatenate([part.pop(key) for part in parts]) for key in [*parts[0]]
