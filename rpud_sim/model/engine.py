@@ -99,11 +99,20 @@ def _enlarged(records: np.ndarray, count: int) -> np.ndarray:
     return room
 
 
+class Buffers:
+    """Segments and impacts since a drain; engines of one thread may share them in turn."""
+
+    def __init__(self) -> None:
+        self.segments = np.zeros(_LEAST_ROOM, SEGMENT)
+        self.impacts = np.zeros(_LEAST_ROOM, IMPACT)
+
+
 class Engine:
     """Motion of the drill from time zero on, event by event.
 
     The vibration starts at a phase [cycles], from rest if it is a resonance. Without a drive its
-    amplitude is zero.
+    amplitude is zero. With shared ``buffers`` nothing is allocated, and what a drain returns is
+    valid until the next advance.
     """
 
     def __init__(
@@ -112,6 +121,7 @@ class Engine:
         initial_phase: float = 0.0,
         drive: bool = True,
         resonance: Resonance | None = None,
+        buffers: Buffers | None = None,
     ) -> None:
         self._parameters = parameters
         self._drill = self._target = derive(parameters)
@@ -120,9 +130,10 @@ class Engine:
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
-        self._segment_room, self._impact_room = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
+        self._shared = buffers
+        buffers = buffers or Buffers()
+        self._segment_room, self._impact_room = buffers.segments, buffers.impacts
         self._written = self._struck = 0  # segments and impacts since the last drain
-        self._make_room(_LEAST_ROOM)
         # A time to advance to, and what is finished there
         self._goal = (np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2), np.int64))
         self._reached: tuple[int, float] | None = None  # time that an advance has reached
@@ -247,8 +258,10 @@ class Engine:
         room, count = self._segment_room, self._written + 1
         # Bytes, because NumPy copies structures field by field.
         room[count - 1 : count].view(np.uint8)[:] = self._open_segment.view(np.uint8)
-        impacts = join_records([self._impact_room[: self._struck]], IMPACT)
-        self._written = self._struck = 0
+        struck, self._written, self._struck = self._impact_room[: self._struck], 0, 0
+        if self._shared:
+            return room[:count], struck
+        impacts = join_records([struck], IMPACT)
         given = 2 * count > len(room)
         if given:  # the room itself: to copy it would take longer than to allocate the next one
             covering = room[:count]
@@ -305,3 +318,5 @@ class Engine:
         """Take a larger room for segments and impacts, with those that are there."""
         self._segment_room = _enlarged(self._segment_room[: self._written], count)
         self._impact_room = _enlarged(self._impact_room[: self._struck], count)
+        if self._shared:
+            self._shared.segments, self._shared.impacts = self._segment_room, self._impact_room

@@ -16,7 +16,7 @@ from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_reported
 from rpud_sim.model.elementary import CALLED_BY_PYTHON
-from rpud_sim.model.engine import EngineError
+from rpud_sim.model.engine import Buffers, EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.commands import WeightOnBit
@@ -122,7 +122,7 @@ def run_members(
     end = round(duration * SECOND)
     size = max(_TASK // max(end, 1), 1)
     batches = [phases[i : i + size] for i in range(0, len(phases), size)]
-    lock, stopped = threading.Lock(), threading.Event()
+    lock, stopped, own = threading.Lock(), threading.Event(), threading.local()
 
     def tell(simulated: float) -> None:
         if stopped.is_set():
@@ -131,7 +131,8 @@ def run_members(
             report(simulated)
 
     def run(batch: Sequence[float]) -> list[Member]:
-        runs = (Simulation(configuration, phase, planned) for phase in batch)
+        own = vars(local).setdefault("buffers", Buffers())
+        runs = (Simulation(configuration, phase, planned, None, own) for phase in batch)
         return [_run(each, end, tell) for each in runs]
 
     if threads == 1 or len(batches) == 1:

@@ -14,7 +14,7 @@ from rpud_sim.drilling.rotor import Rotor
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import DrillConstants, derive
 from rpud_sim.model.energy import RpudConstants, withdrawal_work
-from rpud_sim.model.engine import Engine, EngineError
+from rpud_sim.model.engine import Buffers, Engine, EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
@@ -45,7 +45,13 @@ class Plant:
     Times are integer nanoseconds of simulation time.
     """
 
-    def __init__(self, configuration: Configuration, initial_phase: float, drive: Drive) -> None:
+    def __init__(
+        self,
+        configuration: Configuration,
+        initial_phase: float,
+        drive: Drive,
+        buffers: Buffers | None = None,
+    ) -> None:
         parameters = configuration.parameters
         self.time = 0  # simulation time [ns]
         self._instant = (0, 0.0)  # the same as whole seconds and the rest of them [s]
@@ -71,7 +77,7 @@ class Plant:
         self._load_spring: LoadSpring | None = None
         self._checked = (0.0, 0.0)  # coupling and energy of impacts at the last whole second [J]
         start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
-        self.engine = Engine(*start)  # of the motion
+        self.engine = Engine(*start, buffers)  # of the motion
         if self.process.next_step != NEVER:
             position = nodal_plane_position(self.engine.open_segment, *self._instant)
             nominal = parameters.vibration_amplitude
@@ -157,8 +163,8 @@ class Plant:
     def _set_aside(self) -> None:
         """Keep what happened for the next ``drain``: impacts acted under the conditions so far."""
         covering, impacts = self._drain_engine()
-        self._segments.append(covering[:-1])
-        self._impacts.append(impacts)
+        self._segments.append(join_records([covering[:-1]], SEGMENT))  # copies
+        self._impacts.append(join_records([impacts], IMPACT))
 
     def _drain_engine(self) -> tuple[np.ndarray, np.ndarray]:
         covering, impacts = self.engine.drain()

@@ -13,6 +13,7 @@ import numpy as np
 
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.engine import Buffers
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
@@ -52,6 +53,7 @@ class Simulation:
 
     Weight on bit and nominal drive of the configuration apply until the first command. The journal
     gets an entry for each change from outside; changes that come by themselves follow from these.
+    With shared ``buffers`` a block is valid until the next advance of any simulation that has them.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Simulation:
         initial_phase: float = 0.0,
         planned: Sequence[Change] = (),
         journal: Journal | None = None,
+        buffers: Buffers | None = None,
     ) -> None:
         configuration = whole_configuration(configuration)
         parameters = configuration.parameters
@@ -69,7 +72,7 @@ class Simulation:
         self._first_specific_energy = configuration.rock.rock_specific_energy
         # commands in force, read-only
         self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
-        self._plant = Plant(configuration, initial_phase, drive)
+        self._plant = Plant(configuration, initial_phase, drive, buffers)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
         self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
