@@ -95,7 +95,7 @@ def picture(
     return Picture(printable(title), printable(alt), width, height, content)
 
 
-def _figures(pictures: Sequence[Picture], numbers: count[int], least: float = 20.0) -> Markup:
+def _figures(numbers: count[int], pictures: Sequence[Picture], least: float = 20.0) -> Markup:
     """Return pictures side by side; ``least`` is the width of one in the width of a letter."""
     drawn = []
     for each in pictures:
@@ -158,7 +158,7 @@ def render_page(body: str, title: str, **context: object) -> str:
         finalize=lambda value: printable(value) if type(value) is str else value,
     )
     content = environment.from_string(f"{_MACROS}{body}").render(
-        figures=partial(_figures, numbers=count()), title=title, **context
+        figures=partial(_figures, count()), title=title, **context
     )
     style = _STYLE.read_text(encoding="utf-8")
     return environment.from_string(_FRAME).render(

@@ -63,6 +63,7 @@ def test_its_waveform_is_rebuilt_from_its_trajectory(bag, tmp_path, rpud):
     recorded = slice(None, resets[0] + 1 if len(resets) else None)
     found = pq.read_table(out / "rpud.trajectory.parquet")
     table = {name: found[name].to_numpy() for name in found.column_names}
+    table["time"] = table["time"].astype(np.int64)
     times, here, there = np.intersect1d(
         waveform["time"][recorded], table["time"], return_indices=True
     )

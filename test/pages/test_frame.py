@@ -5,7 +5,7 @@ import re
 import pytest
 from jinja2 import UndefinedError
 
-from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.frame import colors, picture, render_page
 
 
 def test_texts_are_escaped_and_macros_are_html():
@@ -26,3 +26,25 @@ def test_a_page_may_load_nothing():
 def test_a_variable_that_is_missing_is_an_error():
     with pytest.raises(UndefinedError):
         render_page("{{ missing }}", "title")
+
+
+EVIL = '</svg><script>alert("$x$")</script>&'
+
+
+def test_a_picture_has_the_colours_of_the_page_and_texts_that_stay_texts():
+    def draw(axes):
+        axes.plot([0.0, 1.0, 2.0], [1.0, float("nan"), 3.0], label=EVIL)
+        axes.plot([0.0, 1.0], [2.0, 2.0], color=colors()["muted"], label="other")
+        axes.set_xlabel(EVIL)
+
+    drawn = picture(EVIL, EVIL, draw)
+    page = render_page("{{ figures([one, one]) }}", "title", one=drawn)
+    assert page.count("<svg ") == page.count("</svg>") == page.count('role="img"') == 2
+    assert "<script" not in page
+    assert "$x$" in drawn.content  # and no formula
+    assert {"series0", "muted", "text"} <= set(re.findall(r"var\(--(\w+)\)", drawn.content))
+    assert not re.search(r"#[0-9a-f]{6}|https?:|nan", drawn.content)
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+    assert {f"#{name}" for name in ids} >= set(re.findall(r'href="(#p[^"]+)"', page))
+    assert picture(EVIL, EVIL, draw) == drawn

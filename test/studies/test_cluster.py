@@ -10,8 +10,8 @@ import pytest
 from specifications import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.studies import cluster
-from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
+from rpud_sim.studies import workers
+from rpud_sim.studies.sweep.sweep import design_points, make_chunks, simulate
 from rpud_sim.studies.workers import WorkerError, run_chunks
 
 pytestmark = pytest.mark.extended
@@ -72,7 +72,7 @@ def dask():
 
 
 def test_a_port_that_accepts_and_stays_silent_is_one_line(monkeypatch):
-    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(workers, "CONNECT_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(WorkerError, match=r"no answer of a Dask scheduler in 0\.5 s"):
@@ -108,8 +108,8 @@ def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask,
 
 
 def test_a_scheduler_that_stays_away_ends_the_sweep_in_one_line(dask, monkeypatch):
-    monkeypatch.setattr(cluster, "RESTART_TIMEOUT", 0.0)
-    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 1.0)
+    monkeypatch.setattr(workers, "RESTART_TIMEOUT", 0.0)
+    monkeypatch.setattr(workers, "CONNECT_TIMEOUT", 1.0)
 
     def chunks():
         for chunk in CHUNKS:

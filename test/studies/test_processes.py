@@ -7,7 +7,7 @@ import os
 import pytest
 from specifications import parse_specification
 
-from rpud_sim.studies.sweep.chunks import SweepChunk, design_points, make_chunks, simulate
+from rpud_sim.studies.sweep.sweep import SweepChunk, design_points, make_chunks, simulate
 from rpud_sim.studies.workers import WorkerError, run_chunks
 
 SPECIFICATION = parse_specification(

@@ -4,6 +4,7 @@ import itertools
 import urllib.request
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from altered_bags import altered
 from hypothesis import given, settings

@@ -11,6 +11,7 @@ import numpy as np
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.contact import single_contact
+from rpud_sim.model.engine import Buffers
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
@@ -20,6 +21,8 @@ from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
 _TORQUE_INTERVAL = SECOND // 100  # between samples of the torque [ns]
+
+_BUFFERS = Buffers()  # of all runs of this process
 
 # Values of single impacts, with the field of their record and unit, for a statistic over them.
 IMPACT_VALUES = {
@@ -149,19 +152,22 @@ def _simulate(
     figures: set[str],
 ) -> None:
     """Fill windows with a run, which is advanced from one of their edges to the next."""
-    run = Simulation(configuration, phase)
+    # Blocks of motion are kept only if something of it is sampled.
+    buffers = _BUFFERS if figures.isdisjoint(_CHANNELS) else None
+    run = Simulation(configuration, phase, buffers=buffers)
     turns = "torque" in figures and configuration.rotation.rotation_model != "none"
     for start, end in itertools.pairwise(sorted({0, *itertools.chain(*windows)})):
         depth, statistics = run.depth, Statistics()
         between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
-        blocks = [run.advance_to(time) for time in (*between, end)]
-        for block in blocks:
-            statistics.add(block)
-        impacts = join_records([block.impacts for block in blocks], IMPACT)
+        blocks, impacts = [], []
+        for time in (*between, end):
+            blocks.append(run.advance_to(time))
+            statistics.add(blocks[-1])
+            impacts.append(join_records([blocks[-1].impacts], IMPACT))
         for (first, last), window in windows.items():
             if first <= start and end <= last:
                 window.parts.append(statistics)
-                window.impacts.append(impacts)
+                window.impacts += impacts
                 window.deeper.append(run.depth - depth)
                 window.blocks += blocks
 

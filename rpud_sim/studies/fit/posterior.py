@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import emcee
 import numpy as np
-from scipy import linalg, optimize, special, stats
+from scipy import optimize, special, stats
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import KDTree
 from scipy.stats import qmc
@@ -179,10 +179,9 @@ class Likelihood:
         # The logarithm of a mean over runs is above the mean of their logarithms.
         raised = np.minimum(0.5 * spread**2 * (1.0 - 1.0 / runs), 0.5)
         self._values = emulator.transform(values) - np.where(logarithmic, raised, 0.0)
-        self._lower = linalg.cholesky(covariance[np.ix_(self._used, self._used)], lower=True)
-        size = int(self._used.sum())
-        self._constant = float(np.log(np.diag(self._lower)).sum())
-        self._constant += 0.5 * size * math.log(2.0 * math.pi)
+        lower = np.linalg.cholesky(covariance[np.ix_(self._used, self._used)])
+        self._whitening = np.linalg.inv(lower).T
+        self._constant = float(np.log(math.sqrt(2.0 * math.pi) * np.diag(lower)).sum())
 
     def __call__(self, shares: np.ndarray) -> np.ndarray:
         result = np.full(len(shares), -np.inf)
@@ -190,8 +189,8 @@ class Likelihood:
         # A figure that is positive everywhere cannot have a target that is not.
         if np.isfinite(self._values[self._used]).all() and inside.any():
             difference = (self._values - self.emulator(shares[inside]))[:, self._used]
-            whitened = linalg.solve_triangular(self._lower, difference.T, lower=True)
-            result[inside] = -0.5 * (whitened**2).sum(axis=0) - self._constant
+            whitened = difference @ self._whitening
+            result[inside] = -0.5 * (whitened**2).sum(axis=1) - self._constant
         return result
 
     def best(self, start: np.ndarray, box: Region) -> np.ndarray:

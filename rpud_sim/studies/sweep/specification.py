@@ -43,6 +43,11 @@ def unit_of(name: str) -> str:
     return allowed.unit if isinstance(allowed, Quantity) else ""
 
 
+def error_name(figure: str) -> str:
+    """Return the name of the column with the standard error of a figure's mean."""
+    return f"{figure}_standard_error"
+
+
 @dataclasses.dataclass(frozen=True)
 class Range:
     """Interval of values, spread evenly or evenly in their logarithms."""

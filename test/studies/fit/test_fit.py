@@ -6,17 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rpud_sim.studies.fit.rounds import FitFolder
-from rpud_sim.studies.fit.surrogate import Region
 from specifications import parse_targets
 
 from rpud_sim.cli.studies import fit_lines
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
-from rpud_sim.studies.fit import rounds
-from rpud_sim.studies.fit.fit import fit_in, run_fit, run_proof
-from rpud_sim.studies.fit.fit_report import single_plots, unknown_quantity, write_fit
+from rpud_sim.studies.fit import posterior
+from rpud_sim.studies.fit.fit import FitFolder, fit_in, run_fit, run_proof
+from rpud_sim.studies.fit.fit_report import unknown_quantity, write_fit
+from rpud_sim.studies.fit.posterior import Region
 from rpud_sim.studies.fit.target_file import read_target_file
 
 FIT = {
@@ -43,10 +42,9 @@ FIT = {
 
 
 @pytest.fixture(autouse=True)
-def few_particles(monkeypatch):
-    monkeypatch.setattr(rounds, "PARTICLES", 512)
-    monkeypatch.setattr(fits, "CANDIDATES", 4)
-    monkeypatch.setattr(fits, "CANDIDATE_RUNS", 4)
+def few_steps(monkeypatch):
+    monkeypatch.setattr(posterior, "BURN_IN", 100)
+    monkeypatch.setattr(posterior, "STEPS", 160)
 
 
 def known_drill(specification, folder, **values):
@@ -108,15 +106,6 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
     assert "<script" not in page
     with pytest.raises(ParameterError, match=r"specification\.seed is 0 there"):
         run_fit(dataclasses.replace(specification, seed=1), tmp_path / "fit", 1)
-
-    # A plot shows where the posterior is.
-    shares = np.random.default_rng(0).normal(6.0 / 16.0, 0.01 / 16.0, (20_000, 1))
-    shares[0] = 15.0 / 16.0  # far away
-    narrow = dataclasses.replace(fit, shares=shares, best={**fit.best, "weight_on_bit": 10.05})
-    [single] = single_plots(narrow)
-    edges = single.layers[1].x
-    assert 9.9 < edges[0] < 9.99
-    assert edges[-1] == 10.05
 
 
 @pytest.mark.extended
@@ -191,7 +180,7 @@ def test_at_a_bound_the_interval_ends_there_and_says_so(weight, end, tmp_path):
 
 def test_a_posterior_that_the_last_region_cuts_off_has_no_interval(monkeypatch, tmp_path):
     monkeypatch.setattr(
-        rounds, "next_region", lambda branch: Region(np.array([0.0, 0.0]), np.array([0.5, 1.0]))
+        fits, "next_region", lambda branch: Region(np.array([0.0, 0.0]), np.array([0.5, 1.0]))
     )
     drill = ClosedForm()
     fit = fit_in(drill, drill.specification(TWO, weight=11.2, loss=0.5))

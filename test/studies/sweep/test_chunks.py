@@ -17,16 +17,17 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.chunks import (
+from rpud_sim.studies.sweep.specification_file import read_specification
+from rpud_sim.studies.sweep.sweep import (
     chunk_count,
     chunk_size,
     design_points,
     make_chunks,
+    point_table,
+    run_sweep,
     simulate,
 )
-from rpud_sim.studies.sweep.specification_file import read_specification
-from rpud_sim.studies.sweep.sweep import point_table, run_sweep
-from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
+from rpud_sim.studies.sweep.sweep_report import error_name, sweep_page
 
 
 def sweep(points=3, repeat=2, duration=0.02, **entries):

@@ -10,9 +10,14 @@ from support import refusal
 
 import rpud_sim.bag
 from rpud_sim.simulation.commands import Feed
-from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification_file import read_specification
-from rpud_sim.studies.sweep.sweep import SweepFolder, run_sweep
+from rpud_sim.studies.sweep.sweep import (
+    SweepFolder,
+    design_points,
+    make_chunks,
+    run_sweep,
+    simulate,
+)
 
 SECOND = 1_000_000_000
 CONTENT = {

@@ -9,8 +9,13 @@ from specifications import parse_specification
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.sweep import SweepFolder, make_manifest
+from rpud_sim.studies.sweep.sweep import (
+    SweepFolder,
+    design_points,
+    make_chunks,
+    make_manifest,
+    simulate,
+)
 
 CONTENT = {
     "design": "grid",

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from specifications import parse_specification
 
-from rpud_sim.studies.sweep.chunks import design_points
-from rpud_sim.studies.sweep.indices import figure_indices, find_indices, saltelli_shares
-from rpud_sim.studies.sweep.sweep import run_sweep
-from rpud_sim.studies.sweep.sweep_page import sweep_page
+from rpud_sim.studies.sweep.sweep import design_points, run_sweep, saltelli_shares
+from rpud_sim.studies.sweep.sweep_report import figure_indices, find_indices, sweep_page
 
 # Ishigami's function: first and total indices in closed form.
 ISHIGAMI = ((0.3139, 0.4424, 0.0), (0.5576, 0.4424, 0.2437))

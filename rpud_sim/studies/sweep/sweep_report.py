@@ -1,4 +1,9 @@
-"""Page of a sweep: every figure over every swept parameter, with intervals."""
+"""Page of a sweep, and Sobol indices: which parameter causes how much of a figure's variance.
+
+The points of the indices are Saltelli's design. Its first matrix stands in it twice, with other
+initial phases: the motion is chaotic, and the total index of this change of nothing is the share of
+the noise.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +14,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
+from scipy.stats import sobol_indices
 
 from rpud_sim.foundation.quantities import ShownQuantity, figure_quantity, number_text, quantity_in
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
-from rpud_sim.studies.sweep.indices import independent
-from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values, unit_of
+from rpud_sim.studies.sweep.specification import (
+    SWEEP_FIGURES,
+    Range,
+    SweepSpecification,
+    Values,
+    error_name,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_CLASSES = 12
 _CONFIDENCE = 0.95
-_MOST_DOTS = 8_000  # of all pictures: a dot takes a hundred bytes of the page
+_RESAMPLES = 400
+_MOST_DOTS = 3_000  # of all pictures: a dot takes a hundred bytes of the page
 _MOST_PLOT_DOTS = 300
 _HEIGHT = 190  # of a picture [pixels]
 _ROW = 17  # height of a word [pixels]
@@ -52,7 +65,7 @@ numbers.</p>
 {% endif %}
 <h2 id="figures">Figures over parameters</h2>
 <p class="none">A marker is the mean over all points with one value of the parameter, or with
-neighbouring values where every point has its own. Its bar is the 95 % interval of that mean by
+neighbouring values where every point has its own. Bar or band are the 95 % interval of that mean by
 Student's t, from the spread of the points; a single point has the spread of its simulations.</p>
 {% for name, plots in plots %}
 <details{{ " open" if loop.index <= open }}><summary>{{ name }}</summary>
@@ -65,11 +78,6 @@ Student's t, from the spread of the points; a single point has the spread of its
 {{ table(("parameter", "values", "unit"), parameters, false, "Swept and fixed parameters") }}
 </details>
 """
-
-
-def error_name(figure: str) -> str:
-    """Return the name of the column with the standard error of a figure's mean."""
-    return f"{figure}_standard_error"
 
 
 def sweep_page(
@@ -119,7 +127,7 @@ def _values(spread: Any) -> str:
 def point_picture(
     sweep: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
 ) -> Picture:
-    """Return the picture of a figure over an axis; words of an axis stand below each other."""
+    """Return a figure over an axis: single points, means and their intervals."""
     points = independent(sweep, points)
     spread, shown, along = sweep.axes[name], figure_quantity(figure), axis_quantity(sweep, name)
     choices = _is_choice(spread)
@@ -144,7 +152,8 @@ def point_picture(
         if isinstance(spread, Range) and spread.scale == "log":
             axes.set_xscale("log")
         axes.plot(*dots, ".", ms=3, color=color["muted"], alpha=0.5)
-        axes.errorbar(*marks, yerr=half, fmt="o-", ms=4, capsize=2)
+        axes.plot(*marks, "o-" if len(at) <= _MOST_CLASSES else "-", ms=4)
+        axes.fill_between(at, mean - half, mean + half, alpha=0.3)
         axes.set_xlabel(f"{name} [{along.unit}]" if along.unit else name)
 
     alt = "No point has this figure."
@@ -223,3 +232,101 @@ def marginal_means(
             freedom = points["members"][members[0]] - 1
         half = stats.t.ppf(0.5 + 0.5 * _CONFIDENCE, freedom) * error if freedom else np.nan
         yield float(places[members].mean()), float(values.mean()), float(half)
+
+
+def find_indices(values: np.ndarray, seed: int) -> np.ndarray:
+    """Return first and total indices, with their intervals, shape (3, 2, figures, inputs).
+
+    The first index is the share of the variance that an input explains alone, the total one that in
+    which it takes part. Finite values have shape (matrices, samples, figures), in the order of
+    ``saltelli_shares``.
+    """
+    a, b, mixed = values[0].T, values[1].T, np.swapaxes(values[2:], 1, 2)
+    samples = a.shape[1]
+    random = np.random.default_rng(seed)
+
+    def estimate(chosen: np.ndarray) -> np.ndarray:
+        # A resample of few points may have no variance to divide.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = sobol_indices(
+                func={"f_A": a[:, chosen], "f_B": b[:, chosen], "f_AB": mixed[..., chosen]},
+                n=samples,
+            )
+        # SciPy drops the axis of the figures if there is only one.
+        return np.array([found.first_order, found.total_order]).reshape(2, len(a), -1)
+
+    found = estimate(np.arange(samples))
+    resampled = np.array(
+        [estimate(random.integers(0, samples, samples)) for _ in range(_RESAMPLES)]
+    )
+    tail = 0.5 * (1.0 - _CONFIDENCE)
+    ends = np.nanquantile(resampled, [tail, 1.0 - tail], axis=0)
+    return np.concatenate([found[None], ends])
+
+
+def figure_indices(
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray]
+) -> dict[str, dict[str, Any]]:
+    """Return distribution and indices of each figure as plain values.
+
+    A figure that a point lacks has the entry ``missing`` instead, which gives the reason.
+    """
+    reasons = {name: _missing(points, name) for name in sweep.figures}
+    names = [name for name, reason in reasons.items() if not reason]
+    plain: dict[str, dict[str, Any]] = {}
+    if names:
+        shape = (len(sweep.swept) + 3, sweep.points or 0, len(names))
+        values = np.column_stack([points[name] for name in names]).reshape(shape)
+        found = find_indices(values, sweep.seed)
+        for i, name in enumerate(names):
+            plain[name] = _plain(list(sweep.swept), values[:2, :, i].ravel(), found[:, :, i])
+    return {
+        name: {"unit": SWEEP_FIGURES[name], **plain.get(name, {"missing": reason})}
+        for name, reason in reasons.items()
+    }
+
+
+def independent(
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray]
+) -> Mapping[str, np.ndarray]:
+    """Return the points that do not repeat values of others: in Saltelli's design A and B."""
+    if sweep.design != "saltelli":
+        return points
+    return {name: values[: 2 * (sweep.points or 0)] for name, values in points.items()}
+
+
+def _missing(points: Mapping[str, np.ndarray], name: str) -> str:
+    """Return why a figure has no indices; empty if it has."""
+    values = points[name]
+    lacking = np.flatnonzero(np.isnan(values))
+    if len(lacking):
+        first = int(lacking[0])
+        failed = points["members"][first] == 0
+        reason = "every simulation failed" if failed else "there is nothing to average"
+        return f"{len(lacking)} of {len(values)} points lack it; at point {first} {reason}"
+    if np.ptp(values) == 0.0:
+        return "it is the same at all points"
+    return ""
+
+
+def _plain(names: list[str], values: np.ndarray, indices: np.ndarray) -> dict[str, Any]:
+    """Return distribution and indices, shape (3, 2, inputs), of one figure."""
+    value, *ends = indices
+    first, total = value.tolist()
+    first_ends, total_ends = np.array(ends).transpose(1, 2, 0).tolist()
+    return {
+        "mean": float(values.mean()),
+        "standard_deviation": float(values.std(ddof=1)),
+        "interval_90": np.quantile(values, [0.05, 0.95]).tolist(),
+        "noise_share": total[-1],
+        "noise_share_interval": total_ends[-1],
+        "inputs": {
+            name: {
+                "first": first[i],
+                "first_interval": first_ends[i],
+                "total": total[i],
+                "total_interval": total_ends[i],
+            }
+            for i, name in enumerate(names)
+        },
+    }
