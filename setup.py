@@ -34,9 +34,9 @@ ROS = [
     "ros-jazzy-std-msgs==5.3.6",
     "ros-jazzy-std-srvs==5.3.6",
 ]
-WEB = ["scipy", "tornado"]
+WEB = ["matplotlib>=3.7", "scipy", "tornado"]
 EXPORT = ["pyarrow"]
-STUDIES = ["scipy", *EXPORT]
+STUDIES = ["emcee>=3.1", "matplotlib>=3.7", "scipy", *EXPORT]
 
 setup(
     name=PACKAGE,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 
 import numpy as np
@@ -99,8 +100,8 @@ def _enlarged(records: np.ndarray, count: int) -> np.ndarray:
     return room
 
 
-class Buffers:
-    """Segments and impacts since a drain; engines of one thread may share them in turn."""
+class Buffers(threading.local):
+    """Segments and impacts since a drain; in each thread engines may share them in turn."""
 
     def __init__(self) -> None:
         self.segments = np.zeros(_LEAST_ROOM, SEGMENT)

@@ -122,7 +122,7 @@ def run_members(
     end = round(duration * SECOND)
     size = max(_TASK // max(end, 1), 1)
     batches = [phases[i : i + size] for i in range(0, len(phases), size)]
-    lock, stopped, own = threading.Lock(), threading.Event(), threading.local()
+    lock, stopped, buffers = threading.Lock(), threading.Event(), Buffers()
 
     def tell(simulated: float) -> None:
         if stopped.is_set():
@@ -131,8 +131,7 @@ def run_members(
             report(simulated)
 
     def run(batch: Sequence[float]) -> list[Member]:
-        own = vars(local).setdefault("buffers", Buffers())
-        runs = (Simulation(configuration, phase, planned, None, own) for phase in batch)
+        runs = (Simulation(configuration, phase, planned, None, buffers) for phase in batch)
         return [_run(each, end, tell) for each in runs]
 
     if threads == 1 or len(batches) == 1:

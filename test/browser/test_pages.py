@@ -12,8 +12,7 @@ from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
-from rpud_sim.studies.fit import fit as fits
-from rpud_sim.studies.fit import rounds
+from rpud_sim.studies.fit import posterior
 from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_results import campaign_page
 
@@ -107,9 +106,7 @@ def file(request, tmp_path_factory):
     """File of a page, made from a real bag or study by its command."""
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rounds, "PARTICLES", 512)
-        patch.setattr(fits, "CANDIDATES", 4)
-        patch.setattr(fits, "CANDIDATE_RUNS", 4)
+        patch.setattr(posterior, "STEPS", 160)
         if words := PAGES[request.param](folder):
             with pytest.raises(SystemExit) as end:
                 main([str(word) for word in words])

@@ -9,7 +9,7 @@ pytestmark = pytest.mark.extended
 CONFIG = Path(__file__).parents[2] / "config"
 BAG = Path(__file__).parents[1] / "data" / "0.2.0" / "run"
 BAGS = ("lz4", "mcap", "rosbags", "zstandard")
-EXTRAS = ("distributed", "pandas", "pyarrow", "scipy", "tornado")
+EXTRAS = ("distributed", "emcee", "matplotlib", "pandas", "pyarrow", "scipy", "tornado")
 
 
 @pytest.fixture

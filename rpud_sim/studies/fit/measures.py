@@ -22,7 +22,7 @@ from rpud_sim.simulation.statistics import FIGURES, Statistics
 SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
 _TORQUE_INTERVAL = SECOND // 100  # between samples of the torque [ns]
 
-_BUFFERS = Buffers()  # of all runs of this process
+_BUFFERS = Buffers()
 
 # Values of single impacts, with the field of their record and unit, for a statistic over them.
 IMPACT_VALUES = {
