@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 from drill_configurations import SANDSTONE
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 
 from rpud_sim.model import compile, engine
 from rpud_sim.model.compile import compilation_notice
@@ -25,7 +26,6 @@ from rpud_sim.simulation.ensemble import (
     run_members,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 from altered_bags import altered, merged, unchanged
+from rpud_sim.recorded.recorded_journal import installed_codec
 from sample_bags import write_offline_bag
 from support import called
 
@@ -23,7 +24,6 @@ from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.page import difference_picture, render
 from rpud_sim.recorded.compare.results import content, texts
 from rpud_sim.recorded.compare.values import RecordedValues
-from rpud_sim.recorded.recorded_journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")
@@ -212,9 +212,7 @@ def test_a_run_of_several_is_chosen(made, tmp_path):
 
 def test_a_drill_of_several_is_chosen(made, tmp_path):
     path = merged(tmp_path / "both", (made / "a", 0, "/left"), (made / "other", 0, "/right"))
-    with pytest.raises(
-        RecordingError, match="several drills: choose --namespace of /left, /right"
-    ):
+    with pytest.raises(RecordingError, match="several drills: choose --namespace of /left, /right"):
         compare([path, made / "a"])
     with pytest.raises(RecordingError, match="did you mean /left"):
         compare([path, made / "a"], namespaces=["lefd", None])

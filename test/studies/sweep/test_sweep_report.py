@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from rpud_sim.pages.plot import axis_ends
 from scipy import stats
 from specifications import parse_specification
 
