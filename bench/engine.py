@@ -17,7 +17,8 @@ from bench.table import Goal, Row, row
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.ensemble import compile_kernels, run_members
-from rpud_sim.simulation.simulation import Simulation, initial_phases
+from rpud_sim.simulation.plan import initial_phases
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 DURATION = 100  # of the runs [s]

@@ -9,7 +9,6 @@ import numba
 import numpy as np
 import pytest
 from drill_configurations import SANDSTONE
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 
 from rpud_sim.model import compile, engine
 from rpud_sim.model.compile import compilation_notice
@@ -17,6 +16,7 @@ from rpud_sim.model.engine import EngineError, initial_state
 from rpud_sim.model.tolerances import GREATEST_EFFORT
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import (
     Ensemble,
@@ -26,7 +26,8 @@ from rpud_sim.simulation.ensemble import (
     run_members,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.simulation import Simulation, initial_phases
+from rpud_sim.simulation.plan import initial_phases
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 MILLISECOND = 1_000_000
@@ -34,7 +35,7 @@ PARAMETERS = preset("drilling")
 DRILLING = Configuration(PARAMETERS)
 RESONANCE = ActuatorParameters(actuator_model="resonance")
 TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
-JAM = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
+JAM = (Change(0, Inject(Fault("free_mass_jammed"))),)
 
 
 def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
@@ -64,7 +65,7 @@ def test_a_rock_has_depth_and_rate_among_the_figures():
 
 
 def test_a_scenario_happens_to_every_member():
-    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], scenario=JAM)
+    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], planned=JAM)
     assert all(member.figures["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
@@ -90,7 +91,8 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 
 def compiled():
     return {
@@ -102,7 +104,7 @@ def compiled():
 compile_kernels(Configuration())
 before = compiled()
 assert sum(before.values()) > 0
-run = Run(Beginning(Settings()))
+run = Run(Plan(Beginning(Settings())))
 simulation = run.simulation
 
 def to(regime):
@@ -114,7 +116,7 @@ for change in (
     lambda: (simulation.apply(WeightOnBit(20.0)), simulation.apply(Drive(False, 0.0, 0.0))),
     lambda: simulation.apply(Drive(True, 50.0, 16100.0)),
     lambda: simulation.inject(Fault("free_mass_jammed"), 0),
-    simulation.clear_all,
+    simulation.clear,
     lambda: to("free"),
     lambda: to("drilling"),
 ):

@@ -8,7 +8,6 @@ import re
 import numpy as np
 import pytest
 from altered_bags import altered, merged, unchanged
-from rpud_sim.recorded.recorded_journal import installed_codec
 from sample_bags import write_offline_bag
 from support import called
 
@@ -17,14 +16,16 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded import RecordingError, recorded_topics
+from rpud_sim.recorded import RecordingError, streams
 from rpud_sim.recorded.compare import compare
 from rpud_sim.recorded.compare import page as pages
 from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.page import difference_picture, render
 from rpud_sim.recorded.compare.results import content, texts
 from rpud_sim.recorded.compare.values import RecordedValues
-from rpud_sim.simulation import preset, read_scenario
+from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.scenario_file import read_scenario
 
 DRILLING = preset("drilling")
 SHIFT = 1_700_000_000 * SECOND
@@ -38,10 +39,10 @@ def made(tmp_path_factory):
     (folder / "faults.yaml").write_text(FAULT)
     scenario = read_scenario(folder / "faults.yaml")
     for name, parameters, phase, scene in (
-        ("a", DRILLING, 0.1, None),
-        ("again", DRILLING, 0.1, None),
-        ("other", DRILLING, 0.6, None),
-        ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6, None),
+        ("a", DRILLING, 0.1, ()),
+        ("again", DRILLING, 0.1, ()),
+        ("other", DRILLING, 0.6, ()),
+        ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6, ()),
         ("faulty", DRILLING, 0.1, scenario),
         ("faulty too", DRILLING, 0.7, scenario),
     ):
@@ -108,7 +109,7 @@ def test_a_recording_of_a_part_is_compared_as_far_as_it_goes(
         early = message.log_time < SECOND // 2
         return [message.data] if early == (part == "early") or "journal" in message.topic else []
 
-    monkeypatch.setattr(recorded_topics, "_MOST_WAITING", most)
+    monkeypatch.setattr(streams, "_MOST_WAITING", most)
     path = altered(made / "a", tmp_path / "part", kept)
     for pair in ((made / "a", path), (path, made / "a")):
         found = compare(pair, settle=0.1)

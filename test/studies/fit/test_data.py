@@ -11,7 +11,7 @@ from support import refusal
 from rpud_sim import bag
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_configuration, to_settings
-from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.studies.fit.measures import measure
 
 BAG = Path(__file__).parents[2] / "data" / "0.1.0" / "run"
@@ -63,7 +63,7 @@ def test_a_bag_gives_penetration_torque_and_power_to_a_drill_that_has_them(tmp_p
         "rock_model": "specific_energy",
         "rotation_model": "friction_drive",
     }
-    write_offline_bag(tmp_path / "bag", Beginning(to_settings(models), 0.0), 3.0)
+    write_offline_bag(tmp_path / "bag", Plan(Beginning(to_settings(models), 0.0)), 3.0)
     found = parse_targets(
         FIT | {"parameters": models, "data": [{"bag": "bag", "skip": 0.5}]}, tmp_path
     )

@@ -15,7 +15,7 @@ from specifications import parse_specification
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
-from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.plan import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.specification_file import read_specification
 from rpud_sim.studies.sweep.sweep import (

@@ -4,11 +4,11 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rpud_sim.recorded.verify.verification import verify
 from specifications import parse_specification
 from support import refusal
 
 import rpud_sim.bag
+from rpud_sim.recorded.verify import verify
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.studies.sweep.specification_file import read_specification
 from rpud_sim.studies.sweep.sweep import (
@@ -71,11 +71,11 @@ def made(tmp_path_factory):
 def test_each_run_is_planned_inside_its_intervals(seed):
     for run, first in by_name(parsed(seed=seed)).values():
         assert 0 <= run.seed < 2**32 > first >= 0
-        if run.fault:
-            assert 0.2 * SECOND <= run.fault.onset <= 0.3 * SECOND
-            assert 0.2 * SECOND <= run.fault.duration <= 0.4 * SECOND
+        if run.injection:
+            assert 0.2 * SECOND <= run.onset <= 0.3 * SECOND
+            assert 0.2 * SECOND <= run.injection.duration <= 0.4 * SECOND
         else:
-            assert (run.scenario, run.labels()) == (None, {})
+            assert (run.faults, run.labels()) == ((), {})
 
 
 def test_another_case_or_fault_changes_no_other_draw():
@@ -95,9 +95,9 @@ def test_another_case_or_fault_changes_no_other_draw():
 
 def test_a_fault_without_an_end_lasts_to_the_end_of_the_run():
     content = {name: value for name, value in CONTENT.items() if name != "lasting"}
-    runs = [run for run, _ in by_name(parse_specification(content)).values() if run.fault]
+    runs = [run for run, _ in by_name(parse_specification(content)).values() if run.injection]
     assert len(runs) == 12
-    assert all(run.fault.clear is None and run.labels()["clear"] is None for run in runs)
+    assert all(run.injection.duration == 0 and run.labels()["clear"] is None for run in runs)
 
 
 def test_each_case_has_each_fault_and_none(made):
@@ -159,8 +159,8 @@ def test_commands_of_all_and_of_a_case_come_in_the_order_of_their_times(tmp_path
         faults=[{"kind": "arm_slip"}],
     )
     planned = specification.planned({"case": "slow"})
-    assert [each.delay for each in planned] == [50_000_000, 100_000_000, 300_000_000]
-    assert planned[1].change == Feed("rate", 1e-4)
+    assert [each.time for each in planned] == [50_000_000, 100_000_000, 300_000_000]
+    assert planned[1].action == Feed("rate", 1e-4)
     result = run_sweep(specification, tmp_path / "out", 1)
     bag = tmp_path / "out/bags/slow-arm_slip-1-0-0"
     with rpud_sim.bag.open(bag) as opened:

@@ -7,7 +7,7 @@ import pytest
 from specifications import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.plan import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.sweep import (
     SweepFolder,
