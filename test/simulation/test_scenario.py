@@ -6,7 +6,6 @@ import pytest
 from hostile import contents
 from hypothesis import given
 from hypothesis import strategies as st
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from support import refusal
 
 from rpud_sim.foundation.time import NEVER
