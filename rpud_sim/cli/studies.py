@@ -17,7 +17,7 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable, table
 
 if TYPE_CHECKING:
-    from rpud_sim.studies.fit.fit import Fit
+    from rpud_sim.studies.fit.result import Fit
     from rpud_sim.studies.fit.target_file import FitSpecification
 
 _CAUSES = 3  # inputs of a figure in the table; the page and indices.json have all
@@ -123,7 +123,7 @@ def _run_fit(options: Any) -> int:
 
 def _fit(options: Any, specification: FitSpecification) -> int:
     from rpud_sim.studies.fit.fit import most_simulations, run_fit
-    from rpud_sim.studies.fit.fit_report import fit_content, write_fit
+    from rpud_sim.studies.fit.result import fit_content, write_fit
 
     started = time.perf_counter()
     out = Path(options.out)
@@ -149,7 +149,7 @@ def _prove(options: Any, specification: FitSpecification) -> int:
 
 
 def fit_lines(fit: Fit) -> Iterator[str]:
-    from rpud_sim.studies.fit.fit_report import target_table, unknown_table
+    from rpud_sim.studies.fit.result import target_table, unknown_table
 
     if fit.missed:
         yield f"not met: {fit.refusal}; there are no intervals"

@@ -20,30 +20,27 @@ from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.whole_folder import whole_file, write_whole
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.versions import engine_versions, version_of
+from rpud_sim.simulation.versions import engine_versions
 from rpud_sim.studies.fit.measures import measure
 from rpud_sim.studies.fit.posterior import (
     IMPOSSIBLE,
     LEVEL,
     Emulator,
     EmulatorError,
-    Interval,
     Likelihood,
     Posterior,
     Region,
-    Ridge,
     cut_off,
     identify,
     interval_shares,
     sample,
 )
+from rpud_sim.studies.fit.result import BEST_RUNS, Fit, TargetComparison, fit_versions
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
 from rpud_sim.studies.store import Report, StudyStore
 from rpud_sim.studies.workers import check_versions
 
-BEST_RUNS = 64
 POOLED = 4096  # points of the posterior over all choices
-_FAR = 3.0  # deviation from which on the model does not reach a target
 _DIGITS = 4  # of the best point, unless its interval is narrower
 _CHUNK = 100.0  # simulated time in a chunk [s]: a fraction of a second of work
 _MOST_POINTS = 64  # of a chunk
@@ -77,12 +74,11 @@ class FitChunk:
     @property
     def shape(self) -> tuple[int, int, int]:
         """Numbers of points, runs at each, and targets."""
-        points, repeat, _ = self.phases.shape
-        return points, repeat, len(self.specification.targets)
+        return *self.phases.shape[:2], len(self.specification.targets)
 
     @property
     def count(self) -> int:
-        return self.shape[0] * self.shape[1]
+        return math.prod(self.shape[:2])
 
 
 def simulate(chunk: FitChunk) -> np.ndarray:
@@ -101,11 +97,6 @@ def simulate(chunk: FitChunk) -> np.ndarray:
             except (EngineError, ParameterError):
                 continue  # NaN: the emulator leaves such points out
     return found
-
-
-def fit_versions() -> dict[str, str]:
-    """Return the versions of everything that a fit's results depend on."""
-    return engine_versions() | {name: version_of(name) for name in ("scipy", "emcee")}
 
 
 class FitFolder(StudyStore[FitChunk, np.ndarray]):
@@ -130,11 +121,9 @@ class FitFolder(StudyStore[FitChunk, np.ndarray]):
         spread = specification.phase_spread
         shape = (len(points), repeat, len(specification.conditions))
         phases = np.mod(np.random.default_rng(seed).uniform(-spread, spread, shape), 1.0)
-        ends: dict[Any, float] = {}
-        for target in specification.targets:
-            ends[target.parameters] = max(ends.get(target.parameters, 0.0), target.measure.end)
-        size = max(1, round(_CHUNK / max(sum(ends.values()) * repeat, 1e-3)))
-        size = min(size, _MOST_POINTS)
+        longest = max(target.measure.end for target in specification.targets)
+        runs = repeat * len(specification.conditions)
+        size = min(max(1, round(_CHUNK / max(longest * runs, 1e-3))), _MOST_POINTS)
         versions = engine_versions()
         chunks = [
             FitChunk(
@@ -164,97 +153,6 @@ class FitFolder(StudyStore[FitChunk, np.ndarray]):
 
     def _path(self, chunk: FitChunk) -> Path:
         return self.path / "simulations" / f"{chunk.job}_{chunk.number:05}.npy"
-
-
-@dataclasses.dataclass(frozen=True)
-class TargetComparison:
-    """Target beside the model at the best point."""
-
-    target: FitTarget  # of the fit
-    mean: float  # of the model's runs
-    standard_error: float  # of the mean
-    spread: float  # standard deviation of single runs
-
-    @property
-    def ratio(self) -> float:
-        return self.mean / self.target.value if self.target.value else math.nan
-
-    @property
-    def deviation(self) -> float:
-        """Difference in standard deviations of tolerance, chance and the mean's own error."""
-        total = math.hypot(self.target.error(self.spread), self.standard_error)
-        return (self.mean - self.target.value) / total
-
-    @property
-    def reached(self) -> bool:
-        """Whether the model is within three standard deviations of the target."""
-        return abs(self.deviation) <= _FAR
-
-    @property
-    def miss(self) -> str:
-        """By how much the model misses the target, in words."""
-        difference = self.mean - self.target.value
-        amount = f"{abs(difference):.4g} {self.target.measure.unit}".rstrip()
-        side = "high" if difference > 0.0 else "low"
-        far = f"{abs(self.deviation):.3g} standard deviations"
-        return f"{self.target.title}: {amount} too {side}, {far}"
-
-    def __str__(self) -> str:
-        value = f"{self.target.value:.4g} {self.target.measure.unit}".rstrip()
-        held = " (held out)" if self.target.hold_out else ""
-        return f"{self.target.title}: {value}, model {self.mean:.4g}, ratio {self.ratio:.3f}{held}"
-
-
-@dataclasses.dataclass(frozen=True)
-class Fit:
-    """Result of a fit."""
-
-    specification: FitSpecification  # of the fit
-    best: Mapping[str, Any]  # values of all unknowns at the best point, by name
-    comparisons: tuple[TargetComparison, ...]  # by target
-    refusal: str  # why there are no intervals; empty if there are
-    shares: np.ndarray  # equally probable points of the posterior over all choices
-    intervals: Mapping[str, Interval]  # of the posterior, by unknown; none if refused
-    ridges: tuple[Ridge, ...]  # pairs that the targets determine only together; none if refused
-    probabilities: tuple[tuple[Mapping[str, Any], float], ...]  # of the combinations of choices
-    simulations: int  # runs of this call
-    kept: int  # runs of earlier calls
-
-    @property
-    def samples(self) -> Mapping[str, np.ndarray]:
-        """The points of the posterior in SI units, by unknown."""
-        return self.specification.values_at(self.shares)
-
-    @property
-    def missed(self) -> tuple[TargetComparison, ...]:
-        """Targets that the fit used and the model does not reach."""
-        used = (item for item in self.comparisons if not item.target.hold_out)
-        return tuple(item for item in used if not item.reached)
-
-    @property
-    def reached(self) -> bool:
-        """Whether the model reaches every target that the fit used."""
-        return not self.missed
-
-    @property
-    def choices(self) -> list[tuple[str, str]]:
-        """Combinations of choices with their probabilities, in words; empty without choices."""
-        return [
-            (", ".join(f"{name} {value}" for name, value in choices.items()), f"{share:.3f}")
-            for choices, share in self.probabilities
-            if choices
-        ]
-
-    def misfit(self, hold_out: bool) -> float | None:
-        """Return the root mean square of the deviations; None without such targets."""
-        found = [c.deviation for c in self.comparisons if c.target.hold_out == hold_out]
-        return float(np.sqrt(np.mean(np.square(found)))) if found else None
-
-    @property
-    def misfit_text(self) -> str:
-        hold_out = self.misfit(True)
-        more = "" if hold_out is None else f", held out {hold_out:.2f}"
-        return f"{self.misfit(False):.2f} standard deviations{more}"
 
 
 @dataclasses.dataclass
@@ -395,14 +293,14 @@ def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
     runs = folder.simulate("best", [best], BEST_RUNS, (specification.seed, _FINAL))[0]
     comparisons = _compared(specification, runs)
     used = [item for item in comparisons if not item.target.hold_out]
-    missed = sum(not item.reached for item in used)
+    cut = unfinished(specification, branches)
     refusal = ""
-    if missed:
+    if missed := sum(not item.reached for item in used):
         refusal = f"the model does not reach {missed} of {len(used)} targets"
-    elif cut := unfinished(specification, branches):
+    elif cut:
+        names = ", ".join(cut)
         refusal = (
-            f"the last round's region cuts off the probable values of {', '.join(cut)}: "
-            "use more rounds"
+            f"the last round's region cuts off the probable values of {names}: use more rounds"
         )
     elif outside:
         refusal = "the best point, of the most probable choices, is outside of them"
@@ -480,16 +378,15 @@ def run_proof(
 def _prove(
     folder: FitFolder, specification: FitSpecification, drills: int, report: Report
 ) -> dict[str, Any]:
-    runs = _runs(specification)
     random = np.random.default_rng([specification.seed, _PROOF])
     shares = random.random((drills, len(specification.unknowns)))
     chosen = random.integers(len(specification.combinations), size=drills)
     points = [
-        point
+        _named_points(specification, share[None], specification.combinations[number])[0]
         for number, share in zip(chosen, shares, strict=True)
-        for point in _named_points(specification, share[None], specification.combinations[number])
     ]
-    figures = folder.simulate(f"proof_{drills}", points, runs, (specification.seed, _PROOF, 1))
+    seed = (specification.seed, _PROOF, 1)
+    figures = folder.simulate(f"proof_{drills}", points, _runs(specification), seed)
     inside, probabilities, refused = [], [], 0
     for i, number in enumerate(chosen):
         report(1)
@@ -512,9 +409,8 @@ def _prove(
     covered = {}
     for name, count in zip(specification.unknowns, np.sum(inside, axis=0).tolist(), strict=True):
         ends = stats.binomtest(count, len(inside)).proportion_ci(_CONFIDENCE)
-        interval = [float(end) for end in ends]
-        covered[name] = {"count": count, "share": count / len(inside), "interval": interval}
-    intervals = [each["interval"] for each in covered.values()]
+        share = count / len(inside)
+        covered[name] = {"count": count, "share": share, "interval": [*map(float, ends)]}
     return {
         "drills": len(inside),
         "refused": refused,
@@ -522,7 +418,9 @@ def _prove(
         "covered": covered,
         "confidence": _CONFIDENCE,
         # Each unknown is covered as often as its interval says, up to chance.
-        "holds": all(low <= LEVEL <= high for low, high in intervals),
+        "holds": all(
+            low <= LEVEL <= high for low, high in (c["interval"] for c in covered.values())
+        ),
         "true_choice_probability": float(np.mean(probabilities)),
     }
 

@@ -15,7 +15,6 @@ from rpud_sim.foundation.quantities import Choice, Flag, ParameterError, Quantit
 from rpud_sim.foundation.schema import Reader, here, key, line, list_of, name_in, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_configuration
-from rpud_sim.studies.fit.data import read_data
 from rpud_sim.studies.fit.measures import (
     CONTACT_FIGURES,
     IMPACT_VALUES,
@@ -23,6 +22,7 @@ from rpud_sim.studies.fit.measures import (
     UNITS,
     Measure,
     missing_model,
+    read_data,
 )
 from rpud_sim.studies.sweep.specification import SCALES, Range
 from rpud_sim.studies.sweep.specification_file import (

@@ -14,8 +14,8 @@ from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import posterior
 from rpud_sim.studies.fit.fit import FitFolder, fit_in, run_fit, run_proof
-from rpud_sim.studies.fit.fit_report import unknown_quantity, write_fit
 from rpud_sim.studies.fit.posterior import Region
+from rpud_sim.studies.fit.result import unknown_quantity, write_fit
 from rpud_sim.studies.fit.target_file import read_target_file
 
 FIT = {
@@ -75,7 +75,7 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
     assert fit.best["contact_model"] == "mode_shape"
     interval = fit.intervals["weight_on_bit"]
     assert 4.0 < interval.low < 10.0 < interval.high < 20.0
-    assert fit.reached
+    assert not fit.missed
     assert fit.misfit(True) < 3.0
     assert sum(counted) == fit.simulations
     write_fit(fit, tmp_path / "fit", "rpud fit targets.yaml --out DIR")
@@ -184,7 +184,7 @@ def test_a_posterior_that_the_last_region_cuts_off_has_no_interval(monkeypatch, 
     )
     drill = ClosedForm()
     fit = fit_in(drill, drill.specification(TWO, weight=11.2, loss=0.5))
-    assert fit.reached
+    assert not fit.missed
     assert fit.refusal.startswith("the last round's region cuts off the probable values of weight")
     text = outputs(fit, tmp_path)
     assert text.count("use more rounds") == 4

@@ -1,4 +1,4 @@
-"""Files of a fit: numbers, posterior, parameter file, and a page."""
+"""Result of a fit, and its files: numbers, posterior, parameter file, and a page."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,16 @@ from rpud_sim.foundation.values import finite_values
 from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.simulation.configuration import to_configuration, to_values
-from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison, fit_versions
-from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Interval
+from rpud_sim.simulation.versions import engine_versions, version_of
+from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Interval, Ridge
+from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
 from rpud_sim.studies.sweep.specification import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+BEST_RUNS = 64  # at the best point
+_FAR = 3.0  # deviation from which on the model does not reach a target
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
 
@@ -70,6 +74,97 @@ about the parameter.
 """
 
 
+@dataclasses.dataclass(frozen=True)
+class TargetComparison:
+    """Target beside the model at the best point."""
+
+    target: FitTarget  # of the fit
+    mean: float  # of the model's runs
+    standard_error: float  # of the mean
+    spread: float  # standard deviation of single runs
+
+    @property
+    def ratio(self) -> float:
+        return self.mean / self.target.value if self.target.value else math.nan
+
+    @property
+    def deviation(self) -> float:
+        """Difference in standard deviations of tolerance, chance and the mean's own error."""
+        total = math.hypot(self.target.error(self.spread), self.standard_error)
+        return (self.mean - self.target.value) / total
+
+    @property
+    def reached(self) -> bool:
+        """Whether the model is within three standard deviations of the target."""
+        return abs(self.deviation) <= _FAR
+
+    @property
+    def miss(self) -> str:
+        """By how much the model misses the target, in words."""
+        difference = self.mean - self.target.value
+        amount = f"{abs(difference):.4g} {self.target.measure.unit}".rstrip()
+        side = "high" if difference > 0.0 else "low"
+        far = f"{abs(self.deviation):.3g} standard deviations"
+        return f"{self.target.title}: {amount} too {side}, {far}"
+
+    def __str__(self) -> str:
+        value = f"{self.target.value:.4g} {self.target.measure.unit}".rstrip()
+        held = " (held out)" if self.target.hold_out else ""
+        return f"{self.target.title}: {value}, model {self.mean:.4g}, ratio {self.ratio:.3f}{held}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """Result of a fit."""
+
+    specification: FitSpecification  # of the fit
+    best: Mapping[str, Any]  # values of all unknowns at the best point, by name
+    comparisons: tuple[TargetComparison, ...]  # by target
+    refusal: str  # why there are no intervals; empty if there are
+    shares: np.ndarray  # equally probable points of the posterior over all choices
+    intervals: Mapping[str, Interval]  # of the posterior, by unknown; none if refused
+    ridges: tuple[Ridge, ...]  # pairs that the targets determine only together; none if refused
+    probabilities: tuple[tuple[Mapping[str, Any], float], ...]  # of the combinations of choices
+    simulations: int  # runs of this call
+    kept: int  # runs of earlier calls
+
+    @property
+    def samples(self) -> Mapping[str, np.ndarray]:
+        """Points of the posterior in SI units, by unknown."""
+        return self.specification.values_at(self.shares)
+
+    @property
+    def missed(self) -> tuple[TargetComparison, ...]:
+        """Targets that the fit used and the model does not reach."""
+        used = (item for item in self.comparisons if not item.target.hold_out)
+        return tuple(item for item in used if not item.reached)
+
+    @property
+    def choices(self) -> list[tuple[str, str]]:
+        """Combinations of choices with their probabilities, in words; empty without choices."""
+        return [
+            (", ".join(f"{name} {value}" for name, value in choices.items()), f"{share:.3f}")
+            for choices, share in self.probabilities
+            if choices
+        ]
+
+    def misfit(self, hold_out: bool) -> float | None:
+        """Return the root mean square of the deviations; None without such targets."""
+        found = [c.deviation for c in self.comparisons if c.target.hold_out == hold_out]
+        return float(np.sqrt(np.mean(np.square(found)))) if found else None
+
+    @property
+    def misfit_text(self) -> str:
+        hold_out = self.misfit(True)
+        more = "" if hold_out is None else f", held out {hold_out:.2f}"
+        return f"{self.misfit(False):.2f} standard deviations{more}"
+
+
+def fit_versions() -> dict[str, str]:
+    """Return the versions of everything that a fit's results depend on."""
+    return engine_versions() | {name: version_of(name) for name in ("scipy", "emcee")}
+
+
 def write_fit(fit: Fit, folder: Path, command: str) -> None:
     """Write all files of a fit to a folder; the command makes them again."""
     write_whole(folder / "fit.json", json.dumps(fit_content(fit), indent=1, allow_nan=False) + "\n")
@@ -95,7 +190,7 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 
 def fit_content(fit: Fit) -> dict[str, Any]:
     content = {
-        "reached": fit.reached,
+        "reached": not fit.missed,
         "missed": [item.target.title for item in fit.missed],
         "refusal": fit.refusal or None,
         "best": dict(fit.best),
