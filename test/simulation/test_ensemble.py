@@ -208,9 +208,3 @@ def test_threads_change_nothing(configuration, duration):
     found = run_ensemble(configuration, duration, phases, reported.append, threads=3)
     assert sum(reported) == pytest.approx(duration * len(phases))
     assert exact(found.members) == exact(run_ensemble(configuration, duration, phases).members)
-
-
-def test_closing_the_iterator_ends_the_runs():
-    found = run_members(PARAMETERS, 15.0, [0.1] * 1000, threads=2)
-    assert next(found).failure is None
-    found.close()

@@ -30,10 +30,3 @@ def test_noise_alone_is_seldom_a_trend():
     verdicts = [trend.verdict for case in noisy for trend in find_trends([case])]
 
     assert sum(verdict != "flat" for verdict in verdicts) <= 5
-
-
-def test_a_slope_is_that_of_the_output():
-    slope, half = study(0.5, 0.0, 0.0, 0.0).slope(OUTPUTS[0])
-
-    assert slope == pytest.approx(0.5, abs=0.01)
-    assert 0.0 < half < 0.01

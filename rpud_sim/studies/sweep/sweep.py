@@ -51,24 +51,18 @@ _COUNTS = ("events",)  # figures that are whole numbers
 
 @dataclasses.dataclass(frozen=True)
 class SweepChunk:
-    """Consecutive simulations of a sweep."""
+    """All simulations at consecutive points of a sweep."""
 
     number: int  # of the chunk
-    first: int  # number of the first simulation
-    count: int  # of simulations
+    first: int  # number of the first point
     specification: SweepSpecification  # of the sweep
-    # values of the axes at the points of these simulations
-    points: Mapping[str, np.ndarray]
+    points: Mapping[str, np.ndarray]  # values of the axes at its points
     versions: Mapping[str, str]  # of everything that determines the results
 
-    def ensembles(self) -> Iterator[tuple[int, dict[str, Any], range]]:
-        """Yield number and values of each point, with those of its members that are here."""
-        repeat, end = self.specification.repeat, self.first + self.count
-        for i in range(len(next(iter(self.points.values())))):
-            number = self.first // repeat + i
-            begin = number * repeat
-            members = range(max(self.first, begin) - begin, min(end, begin + repeat) - begin)
-            yield number, {name: column[i].item() for name, column in self.points.items()}, members
+    @property
+    def count(self) -> int:
+        """Number of simulations."""
+        return len(next(iter(self.points.values()))) * self.specification.repeat
 
 
 class SweepOutcome(NamedTuple):
@@ -78,17 +72,17 @@ class SweepOutcome(NamedTuple):
     bags: Mapping[str, Mapping[str, bytes]]  # files by name, by the path of the bag in the folder
 
 
-def chunk_size(sweep: SweepSpecification) -> int:
-    """Return the number of simulations in a chunk; the last one may have fewer."""
+def chunk_points(sweep: SweepSpecification) -> int:
+    """Return the number of points in a chunk; the last one may have fewer."""
     whole = sweep.simulations * sweep.duration
     # Messages take much longer than the simulation, and bags stay in memory until they are written.
     longest = _SHORTEST if sweep.bags else _LONGEST
     simulated = min(max(whole / _WANTED, _SHORTEST), longest)
-    return min(max(round(simulated / sweep.duration), 1), _MOST)
+    return max(round(min(simulated / sweep.duration, _MOST) / sweep.repeat), 1)
 
 
 def chunk_count(sweep: SweepSpecification) -> int:
-    return -(-sweep.simulations // chunk_size(sweep))
+    return -(-sweep.point_count // chunk_points(sweep))
 
 
 def design_points(sweep: SweepSpecification) -> dict[str, np.ndarray]:
@@ -146,15 +140,11 @@ def saltelli_shares(inputs: int, samples: int, seed: int) -> np.ndarray:
 def make_chunks(
     sweep: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> Iterator[SweepChunk]:
-    size = chunk_size(sweep)
-    versions = engine_versions()
+    size, versions = chunk_points(sweep), engine_versions()
     for number in range(chunk_count(sweep)):
         first = number * size
-        count = min(size, sweep.simulations - first)
-        begin = first // sweep.repeat
-        end = -(-(first + count) // sweep.repeat)
-        own = {name: values[begin:end] for name, values in points.items()}
-        yield SweepChunk(number, first, count, sweep, own, versions)
+        own = {name: values[first : first + size] for name, values in points.items()}
+        yield SweepChunk(number, first, sweep, own, versions)
 
 
 def simulate(chunk: SweepChunk) -> SweepOutcome:
@@ -162,13 +152,15 @@ def simulate(chunk: SweepChunk) -> SweepOutcome:
     sweep = chunk.specification
     rows: list[dict[str, Any]] = []
     bags = {}
-    for number, point, members in chunk.ensembles():
+    columns = (values.tolist() for values in chunk.points.values())
+    for number, values in enumerate(zip(*columns, strict=True), chunk.first):
+        point = dict(zip(chunk.points, values, strict=True))
         seed = sweep.point_seed(number, point)
-        phases = initial_phases(sweep.repeat, seed)[members.start : members.stop]
-        runs = [sweep.plan_run(number, point, member) for member in members]
+        phases = initial_phases(sweep.repeat, seed)
+        runs = [sweep.plan_run(number, point, member) for member in range(sweep.repeat)]
         found = _ensemble(sweep, point, runs, phases)
-        for member, run, phase, (figures, failure) in zip(
-            members, runs, phases, found, strict=True
+        for member, (run, phase, (figures, failure)) in enumerate(
+            zip(runs, phases, found, strict=True)
         ):
             row = {"point": number, "member": member, "seed": seed, "phase": phase, **point}
             row |= {**run.labels(), **figures, "failure": failure}
@@ -362,8 +354,7 @@ class SweepFolder(StudyStore[SweepChunk, SweepOutcome]):
     def complete_tables(self) -> None:
         """Write both tables from the chunks, a few at a time in their order, and remove them."""
         if not self.complete:
-            held = None  # rows of a point that is not complete yet
-            repeat, count = self._specification.repeat, chunk_count(self._specification)
+            count = chunk_count(self._specification)
             with (
                 whole_file(self._simulations) as simulations,
                 whole_file(self._points) as points,
@@ -373,11 +364,7 @@ class SweepFolder(StudyStore[SweepChunk, SweepOutcome]):
                 for first in range(0, count, _TOGETHER):
                     numbers = range(first, min(first + _TOGETHER, count))
                     table = pa.concat_tables([_rows(self._chunk_path(each)) for each in numbers])
-                    rows = table if held is None else pa.concat_tables([held, table])
-                    whole = rows.num_rows // repeat * repeat
-                    # A copy: a slice would keep the rows before it in memory.
-                    held = rows.take(pa.array(range(whole, rows.num_rows), pa.int64()))
-                    tables = table, point_table(self._specification, rows.slice(0, whole))
+                    tables = table, point_table(self._specification, table)
                     if not writers:
                         paths = zip((simulations, points), tables, strict=True)
                         writers = [
@@ -385,8 +372,7 @@ class SweepFolder(StudyStore[SweepChunk, SweepOutcome]):
                             for path, each in paths
                         ]
                     for writer, each in zip(writers, tables, strict=True):
-                        if each.num_rows:
-                            writer.write_table(each)
+                        writer.write_table(each)
         shutil.rmtree(self.path / _CHUNKS, ignore_errors=True)
 
     def failures(self) -> int:

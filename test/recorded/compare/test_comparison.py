@@ -5,7 +5,6 @@ import math
 import os
 import re
 
-import numpy as np
 import pytest
 from altered_bags import altered, merged, unchanged
 from sample_bags import write_offline_bag
@@ -22,7 +21,6 @@ from rpud_sim.recorded.compare import page as pages
 from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.page import difference_picture, render
 from rpud_sim.recorded.compare.results import content, texts
-from rpud_sim.recorded.compare.values import RecordedValues
 from rpud_sim.recorded.runs import installed_codec
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
@@ -252,14 +250,6 @@ def test_wrong_arguments_are_one_line(made, option):
         compare([made / "a", made / "a"], **option)
 
 
-@pytest.mark.parametrize(
-    ("numbers", "missing"), [([4, 6, 6, 7], 1), ([7, 5], 1), ([2**64 - 1, 2**64 - 1], 0)]
-)
-def test_missing_impacts_are_counted_in_any_order(numbers, missing):
-    arrays = {"time": np.zeros(len(numbers)), "sequence": np.array(numbers, np.uint64)}
-    assert RecordedValues(None, {"contact_force": arrays}).missing_impacts == missing
-
-
 # --- views of the result -----------------------------------------------------------------------
 
 
@@ -296,13 +286,6 @@ def test_values_stand_beside_their_rows(found):
     assert ">peak force, mean<" in drawn.content
     known = {each.decision for each in found.differences if math.isfinite(each.relative)}
     assert all(f">{decision}<" in drawn.content for decision in known)
-
-
-def test_each_segment_has_its_differences(made):
-    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
-    page = render(found)
-    differences = "<title>Differences from A, with 95 % intervals</title>"
-    assert page.count(differences) == len(found.windows) == 2
 
 
 def test_a_page_that_cannot_be_written_whole_is_not_there(tmp_path, monkeypatch):

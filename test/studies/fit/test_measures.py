@@ -81,23 +81,6 @@ def test_penetration_torque_and_powers_are_those_of_the_run():
     assert late == pytest.approx(depth[1] - depth[0])
 
 
-def test_a_window_holds_its_own_impacts_alone():
-    simulation = Simulation(DRILL.parameters, 0.5)
-    simulation.advance_to(SECOND)
-    impacts = simulation.advance_to(2 * SECOND).impacts
-    whole = [
-        Measure("drill_tool_impact_rate", 0.0, 2.0),
-        Measure("drill_tool_impact_rate", 0.0, 1.0),
-    ]
-    count, mean, both, first = measure(
-        DRILL,
-        0.5,
-        [Measure("drill_tool_impact_rate", 1.0, 2.0), Measure("contact_force", 1.0, 2.0), *whole],
-    )
-    assert count == len(impacts) == pytest.approx(2.0 * both - first)
-    assert mean == pytest.approx(impacts["peak_force"].mean())
-
-
 def test_a_single_contact_needs_no_run():
     expected = single_contact(DRILL.parameters, 3.0)
     found = measure(

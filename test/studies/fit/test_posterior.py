@@ -80,15 +80,6 @@ def test_the_posterior_is_that_of_the_closed_form(emulator):
     assert likelihood(best[None])[0] >= posterior.log_likelihood.max() - 1e-6
 
 
-def test_a_target_that_is_held_out_has_no_weight(emulator):
-    seen, other = targets()
-    shares = np.random.default_rng(5).random((50, 2))
-    hidden = dataclasses.replace(other, hold_out=True)
-    far = dataclasses.replace(hidden, value=40.0, tolerance=2.0)
-    found = Likelihood(emulator, (seen, hidden))(shares)
-    assert found.tolist() == Likelihood(emulator, (seen, far))(shares).tolist()
-
-
 def test_a_target_without_a_logarithm_cannot_be_reached_by_a_positive_figure(emulator):
     seen, other = targets()
     negative = dataclasses.replace(other, value=-4.0)

@@ -10,7 +10,6 @@ from support import refusal
 import rpud_sim.bag
 from rpud_sim.recorded.verify import verify
 from rpud_sim.simulation.commands import Feed
-from rpud_sim.studies.sweep.specification_file import read_specification
 from rpud_sim.studies.sweep.sweep import (
     SweepFolder,
     design_points,
@@ -170,17 +169,6 @@ def test_commands_of_all_and_of_a_case_come_in_the_order_of_their_times(tmp_path
     assert kinds.count("feed") == 2
     assert verify(bag).proved
     assert result.failures == 0
-
-
-def test_off_is_a_kind_of_fault_in_a_file(tmp_path):
-    (tmp_path / "spec.yaml").write_text(
-        "{design: grid, duration: 4, onset: {minimum: 1, maximum: 2}, fixed: {drive_enabled: true},"
-        " faults: [{kind: off, channel: wrench}]}"
-    )
-    specification = read_specification(tmp_path / "spec.yaml")
-    assert list(specification.faults) == ["off-wrench-1"]
-    assert specification.fixed == {"drive_enabled": True}
-    assert specification.point_count == 2
 
 
 FEED = [{"time": 0.1, "feed": {"rate": 1e-4}}]

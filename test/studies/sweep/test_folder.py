@@ -75,7 +75,7 @@ def test_the_tables_are_what_any_reader_of_parquet_sees(folder, outcomes, monkey
     assert [row["contact_model"] for row in rows[::3]] == ["printed", "rayleigh"] * 2
     assert [row["weight_on_bit"] for row in rows[::3]] == [5.0, 5.0, 10.0, 10.0]
     assert set(FIGURES) < rows[0].keys()
-    for first in range(0, 12, 3):  # chunks begin in the middle of points
+    for first in range(0, 12, 3):
         phases = initial_phases(3, rows[first]["seed"])
         assert [row["phase"] for row in rows[first : first + 3]] == [*phases]
     points = pq.read_table(folder.path / "points.parquet").to_pylist()

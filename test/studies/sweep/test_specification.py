@@ -13,7 +13,6 @@ from support import refusal
 
 from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import QUANTITIES, REGIMES
-from rpud_sim.simulation import preset
 from rpud_sim.studies.sweep.specification import DESIGNS, Range, Values
 from rpud_sim.studies.sweep.specification_file import read_specification
 
@@ -47,14 +46,6 @@ def test_a_file_is_read_with_its_defaults(file):
         "contact_model": Values(("printed", "rayleigh")),
     }
     assert (found.point_count, found.simulations) == (10, 10)
-
-
-def test_a_point_is_the_preset_with_what_is_fixed_and_swept():
-    found = parse_specification(
-        GRID | {"fixed": {"regime": "free", "gravity": 0}, "swept": {"free_mass": [2e-3, 4e-3]}}
-    )
-    expected = preset("free").replace(gravity=0.0, free_mass=2e-3)
-    assert found.configuration({"free_mass": 2e-3}).parameters == expected
 
 
 def changed(**entries):
@@ -149,8 +140,3 @@ def test_a_range_keeps_to_itself_and_to_its_order(low, factor, scale, shares):
     assert values[0] >= low
     assert values[-1] <= low * factor
     assert spread.at(np.array([0.0, 1.0])).tolist() == [low, low * factor]
-
-
-def test_the_middle_of_a_logarithmic_range_is_the_geometric_mean():
-    assert Range(1.0, 100.0, "log", 3).levels() == pytest.approx([1.0, 10.0, 100.0])
-    assert Range(1.0, 100.0, "linear", 3).levels() == pytest.approx([1.0, 50.5, 100.0])
