@@ -1,6 +1,5 @@
 """Runs over initial vibration phases: those of a simulation, however many run together."""
 
-import dataclasses
 import math
 import subprocess
 import sys
@@ -12,8 +11,6 @@ import pytest
 from drill_configurations import SANDSTONE
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.lib.recfunctions import repack_fields
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from support import examples
 
 from rpud_sim.model import compile, engine
@@ -22,40 +19,32 @@ from rpud_sim.model.engine import EngineError, initial_state
 from rpud_sim.model.tolerances import GREATEST_EFFORT
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import (
     Ensemble,
-    EnsembleRuns,
     Member,
     compile_kernels,
     run_ensemble,
     run_members,
-    runs_by_itself,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.simulation import Simulation, initial_phases
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
+SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 PARAMETERS = preset("drilling")
 DRILLING = Configuration(PARAMETERS)
 RESONANCE = ActuatorParameters(actuator_model="resonance")
 TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
-JAM = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
-
-
-def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
-    assert initial_phases(1, None) == (0.0,) != initial_phases(1, 7)
-    assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
-    assert initial_phases(5, 7) != initial_phases(5, 8)
-    assert initial_phases(5, None) == initial_phases(5, 0)
-    assert all(0.0 <= phase < 1.0 for phase in initial_phases(1000, 1))
+JAM = (Change(0, Inject(Fault("free_mass_jammed"))),)
 
 
 def test_a_long_run_is_made_in_strides_and_reported():
     reported = []
     ensemble = run_ensemble(PARAMETERS, 25.0, [0.0], reported.append)
-    assert reported == [10.0, 10.0, 5.0]
+    assert reported == [2.0] * 12 + [1.0]
     assert ensemble.members[0].figures["duration"] == 25.0
     assert ensemble.real_time_factor > 1.0
 
@@ -70,12 +59,8 @@ def test_a_rock_has_depth_and_rate_among_the_figures():
     assert "depth" not in run_ensemble(PARAMETERS, 0.1, [0.25]).mean()
 
 
-def test_what_happens_to_a_run_is_left_to_a_simulation_of_each_member():
-    assert runs_by_itself(DRILLING, Scenario(0, ()))
-    assert runs_by_itself(dataclasses.replace(DRILLING, actuator=RESONANCE))
-    assert not runs_by_itself(dataclasses.replace(DRILLING, actuator=TRACKING))
-    assert not runs_by_itself(DRILLING, JAM)
-    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], scenario=JAM)
+def test_faults_and_commands_happen_to_every_member():
+    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], planned=JAM)
     assert all(member.figures["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
@@ -101,7 +86,8 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 
 def compiled():
     return {
@@ -113,7 +99,7 @@ def compiled():
 compile_kernels(Configuration())
 before = compiled()
 assert sum(before.values()) > 0
-run = Run(Beginning(Settings()))
+run = Run(Plan(Beginning(Settings())))
 simulation = run.simulation
 
 def to(regime):
@@ -125,7 +111,7 @@ for change in (
     lambda: (simulation.apply(WeightOnBit(20.0)), simulation.apply(Drive(False, 0.0, 0.0))),
     lambda: simulation.apply(Drive(True, 50.0, 16100.0)),
     lambda: simulation.inject(Fault("free_mass_jammed"), 0),
-    simulation.clear_all,
+    simulation.clear,
     lambda: to("free"),
     lambda: to("drilling"),
 ):
@@ -186,60 +172,15 @@ def exact(values):
     return repr(values)
 
 
-def simulated(configuration, phase, *times):
-    """Figures, account and impacts of a simulation from the last but one time to the last."""
-    simulation, statistics = Simulation(configuration, phase), Statistics()
-    for time in times[:-1]:
-        simulation.advance_to(time)
-    block = simulation.advance_to(times[-1])
-    statistics.add(block)
-    return exact((statistics.figures(), statistics.account)), block.impacts
-
-
 @settings(max_examples=examples(30), deadline=None)
 @given(drills(), st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
 def test_members_are_runs_of_a_simulation(configuration, phases, end):
-    found = EnsembleRuns(configuration, phases).run(end)
+    found = run_members(configuration, end / SECOND, phases)
     for phase, member in zip(phases, found, strict=True):
         assert member.failure is None
-        expected, _ = simulated(configuration, phase, end)
-        assert exact((member.figures, member.account)) == expected
-
-
-@settings(max_examples=examples(30), deadline=None)
-@given(drills(), PHASES, st.lists(st.integers(0, 60 * MILLISECOND), min_size=1, max_size=4))
-def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
-    run, times = EnsembleRuns(configuration, [phase]), sorted(times)
-    for time in times:
         statistics = Statistics()
-        impacts = run.advance_to(time, statistics)
-    expected, expected_impacts = simulated(configuration, phase, *times)
-    assert run.time == times[-1]
-    # The bytes between the fields have no value.
-    assert repack_fields(impacts).tobytes() == repack_fields(expected_impacts).tobytes()
-    assert exact((statistics.figures(), statistics.account)) == expected
-
-
-def test_more_impacts_than_there_is_room_for_are_all_counted(monkeypatch):
-    configuration = Configuration(PARAMETERS.replace(weight_on_bit=80.0))
-    expected, impacts = simulated(configuration, 0.25, 2_000 * MILLISECOND)
-    assert len(impacts) > 1000
-    monkeypatch.setattr(ensemble, "_FIRST_IMPACTS", 70)
-    monkeypatch.setattr(ensemble, "_room", ensemble._Room())
-    [member] = EnsembleRuns(configuration, [0.25]).run(2_000 * MILLISECOND)
-    assert exact((member.figures, member.account)) == expected
-
-
-def test_a_member_that_fails_leaves_the_others_as_they_are():
-    end, phases = 50 * MILLISECOND, [0.25, 0.5, 0.75]
-    runs = EnsembleRuns(DRILLING, phases)
-    runs._states["effort"][1] = 2.0 * GREATEST_EFFORT
-    found = runs.run(end)
-    assert (found[1].figures, found[1].account) == ({}, None)
-    assert str(found[1].failure).startswith("events exceed their budget of 500000 in a simulated")
-    for number in (0, 2):
-        member = found[number]
-        expected, _ = simulated(DRILLING, phases[number], end)
+        statistics.add(Simulation(configuration, phase).advance_to(end))
+        expected = exact((statistics.figures(), statistics.account))
         assert exact((member.figures, member.account)) == expected
 
 
@@ -252,7 +193,6 @@ def test_a_failure_has_the_words_of_a_simulation(monkeypatch, duration, threads)
         state["effort"] = 2.0 * GREATEST_EFFORT
         return state
 
-    monkeypatch.setattr(ensemble, "initial_state", tired)
     monkeypatch.setattr(engine, "initial_state", tired)
     drill = PARAMETERS.replace(free_mass=1e-6)
     with pytest.raises(EngineError, match="free_mass = 1e-06 kg") as expected:
