@@ -21,10 +21,7 @@ from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
-<<<<<<< HEAD
-=======
 from rpud_sim.simulation.journal import JournalEntry
->>>>>>> 26a3aba4 (Tests of runs, plans and ensembles speak of changes and batches)
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
@@ -176,12 +173,8 @@ def trajectory_messages(segments, sequence, origin):
         return []
     cuts = np.array([0, *trajectory_cuts(segments).tolist(), len(segments)])
     columns = trajectory_fields(segments, cuts, sequence, origin)
-<<<<<<< HEAD
-    return [fields for _, _, fields in Batch("trajectory", cuts[:-1], columns).rows()]
-=======
     batch = Batch("trajectory", np.zeros(len(cuts) - 1, np.int64), columns)
     return [fields for _, _, fields in batch.rows()]
->>>>>>> 26a3aba4 (Tests of runs, plans and ensembles speak of changes and batches)
 
 
 def entries_in(rows):

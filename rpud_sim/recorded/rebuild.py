@@ -16,8 +16,8 @@ from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.export import describe_column, file_stem, make_table, write_account
+from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.output import new_folder
-from rpud_sim.recorded.runs import installed_codec
 from rpud_sim.simulation.sampling import (
     CHANNELS,
     Rebuilder,

@@ -72,13 +72,14 @@ def test_at_any_rate_it_is_what_the_simulation_samples(bag, regime, tmp_path):
 
 def test_each_sample_has_its_stamp_and_the_account_stands_beside_them(bag, tmp_path):
     rebuilt = rebuild(bag, tmp_path / "out", 30_000, start=0.1)
-    found = np.load(tmp_path / "out" / "rpud.trajectory" / "time.npy")
+    table = tmp_path / "out" / "rpud.trajectory.parquet"
+    found = pq.read_table(table)["time"].cast("int64").to_numpy()
     numbers = range(rebuilt.first, rebuilt.first + rebuilt.count)
     assert found.tolist() == [rebuilt.origin + round(n * 1e9 / 30_000) for n in numbers]
     account = json.loads((tmp_path / "out" / "export.json").read_text())
     assert account.items() >= vars(rebuilt).items()
     assert account["columns"]["free_mass_velocity"]["unit"] == "m/s"
-    assert rebuilt.size == sum(f.stat().st_size for f in (tmp_path / "out").glob("*/*.npy"))
+    assert rebuilt.size == table.stat().st_size
 
 
 @pytest.mark.parametrize("lost", [(2, 3), (0, 1, 2, 3)], ids=["a gap", "a late begin"])

@@ -10,7 +10,6 @@ from drill_configurations import FULL, RESONANT, SANDSTONE
 from fault_signatures import ON_AN_ARM_ALONE as SLOW
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters

@@ -8,11 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-<<<<<<< HEAD
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
-from support import one_by_one
-=======
->>>>>>> 26a3aba4 (Tests of runs, plans and ensembles speak of changes and batches)
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
@@ -26,12 +21,8 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import Journal
-<<<<<<< HEAD
-from rpud_sim.simulation.run import Beginning, Run
-=======
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
->>>>>>> 26a3aba4 (Tests of runs, plans and ensembles speak of changes and batches)
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from rpud_sim.recorded.recorded_drill import RecordedDrill
-from rpud_sim.recorded.run_clock import RunClock
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.compare.changes import ComparedWindow
 from rpud_sim.recorded.compare.comparison import compare_values
 from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.values import IMPACTS, RecordedValues
+from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.simulation import Parameters, Simulation, Times, preset
 
 DRILLING = preset("drilling")
@@ -32,7 +31,7 @@ def simulated_values(parameters: Parameters, phase: float, duration: int) -> Rec
     found = np.concatenate(impacts)
     times = np.arange(duration * RATE) / RATE
     return RecordedValues(
-        RecordedDrill("", "/journal", None, RunClock(0)),
+        RecordedRun("", "/journal"),
         {
             IMPACTS: {
                 "time": found["seconds"] + found["fraction"],
