@@ -1,4 +1,4 @@
-"""Errors are those of the stationary bootstrap, intervals cover, and decisions are corrected."""
+"""Errors are the spread of means, intervals cover, and decisions are corrected."""
 
 import math
 
@@ -15,13 +15,10 @@ from rpud_sim.recorded.compare.estimates import (
     SAME,
     TOO_FEW,
     UNDECIDED,
-    autocovariances,
-    block_length,
     decided,
     difference,
     estimate,
     mean_error,
-    mean_variance,
 )
 from rpud_sim.recorded.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
 
@@ -38,51 +35,14 @@ def series(count, memory, seed):
     return values
 
 
-def resampled_means(values, length, repeats, seed):
-    """Give means of series that are drawn block by block, as Politis and Romano do."""
-    random = np.random.default_rng(seed)
-    count = len(values)
-    begins = random.random((repeats, count)) < 1.0 / length
-    begins[:, 0] = True
-    places = np.where(begins, random.integers(0, count, (repeats, count)), 0)
-    steps = np.arange(count)
-    last = np.maximum.accumulate(np.where(begins, steps, 0), axis=1)
-    return values[(np.take_along_axis(places, last, 1) + steps - last) % count].mean(axis=1)
-
-
-@pytest.mark.parametrize("length", [1.0, 20.0])
-def test_the_closed_form_is_what_drawing_gives(length):
-    values = series(200, 0.6, 1)
-    drawn = resampled_means(values, length, 4000, 2).var()
-    assert mean_variance(autocovariances(values), length) == pytest.approx(drawn, rel=0.1)
-
-
-def test_autocovariances_are_their_definition():
-    values = series(50, 0.5, 3)
-    apart = values - values.mean()
-    expected = [(apart[: 50 - lag] * apart[lag:]).sum() / 50 for lag in range(50)]
-    assert autocovariances(values) == pytest.approx(expected, abs=1e-12)
-
-
-def test_blocks_grow_with_memory():
-    lengths = [block_length(autocovariances(series(4000, m, 4))) for m in (0.0, 0.5, 0.9)]
-    assert lengths[0] < 3.0
-    assert lengths[0] < lengths[1] < lengths[2]
-    # The length that theory gives for this series: (G / g)^(2/3) n^(1/3), G and g of its spectrum.
-    best = (2.0 * 0.9 / (1.0 - 0.9**2)) ** (2.0 / 3.0) * 4000 ** (1.0 / 3.0)
-    assert lengths[2] == pytest.approx(best, rel=0.5)
-    # Correlations of rounding alone have the longest block.
-    assert block_length(np.array([1e-300, *[1.0] * 9])) == 3.0 + 1.0 / 3.0
-
-
 @pytest.mark.parametrize(("memory", "count"), [(-0.5, 1000), (0.8, 1000), (0.8, 2**16 + 7)])
 def test_the_error_is_the_spread_of_means(memory, count):
-    errors, blocks = zip(
+    errors, batches = zip(
         *(mean_error(series(count, memory, seed)) for seed in range(40 if count == 1000 else 1)),
         strict=True,
     )
     assert np.median(errors) == pytest.approx(1.0 / (1.0 - memory) / math.sqrt(count), rel=0.2)
-    assert 8.0 <= min(blocks) <= max(blocks) <= count
+    assert 8 <= min(batches) <= max(batches) <= 32
 
 
 @given(st.lists(st.floats(-1e9, 1e9), min_size=4, max_size=200))
@@ -91,11 +51,11 @@ def test_the_error_is_the_spread_of_means(memory, count):
 @example([0.0, 0.0, 0.0, 9.160756580545566e-158])
 @example([0.0, 0.0, 0.0, 1.680047243702885e-96])
 def test_any_series_has_a_finite_error(values):
-    error, blocks = mean_error(np.array(values))
+    error, batches = mean_error(np.array(values))
     assert math.isfinite(error)
     assert error >= 0.0
     assert error == 0.0 or len(set(values)) > 1
-    assert blocks >= 1.0
+    assert batches >= 4
 
 
 def values(count, mean=100.0, seed=0):
@@ -121,7 +81,8 @@ def test_the_chance_is_that_of_welchs_test_where_values_are_independent():
     found = compared(first, second)
     expected = ttest_ind(first, second, equal_var=False)
     reach = 0.5 * (found.high - found.low)
-    assert found.difference / (reach / 1.96) == pytest.approx(-expected.statistic, rel=0.1)
+    # 32 means give their error to an eighth.
+    assert found.difference / (reach / 1.96) == pytest.approx(-expected.statistic, rel=0.3)
     assert found.relative == pytest.approx(second.mean() / first.mean() - 1.0, rel=1e-12)
 
 
