@@ -7,7 +7,7 @@ from dataclasses import replace
 from rpud_sim import bag as bags
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.metadata import LOSSES_RECORD
-from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.recorded.journal import installed_codec
 
 
 def unchanged(message):
@@ -15,10 +15,11 @@ def unchanged(message):
     return [message.data]
 
 
-def copied(writer, source, change=unchanged, topics=None, shift=0, namespace="/rpud"):
+def copied(writer, source, change=unchanged, topics=None, shift=0, namespace="/rpud", delay=0):
     """Write the messages of a bag later by a time [ns], and in a namespace.
 
-    `change` returns what to write in place of each message, which may be nothing.
+    `change` returns what to write in place of each message, which may be nothing. Messages are
+    received with a `delay` [ns].
     """
     with bags.open(source) as reader:
         for summary in reader.topics:
@@ -29,9 +30,8 @@ def copied(writer, source, change=unchanged, topics=None, shift=0, namespace="/r
         for message in reader.messages(topics):
             name = message.topic.replace("/rpud", namespace)
             for data in change(message):
-                writer.write_message(
-                    name, data, message.log_time + shift, message.publish_time + shift
-                )
+                received = message.log_time + shift + delay
+                writer.write_message(name, data, received, message.publish_time + shift)
 
 
 def altered(source, out, change, topics=None):
@@ -44,11 +44,11 @@ def altered(source, out, change, topics=None):
     return out
 
 
-def merged(out, *parts):
-    """Write a bag of several: each with the time that is added to it, and its namespace [ns]."""
+def merged(out, *parts, delay=1000):
+    """Write a bag of several: each with the time that is added to it [ns], and its namespace."""
     with bags.BagWriter(out) as writer:
         for source, shift, namespace in parts:
-            copied(writer, source, shift=shift, namespace=namespace)
+            copied(writer, source, shift=shift, namespace=namespace, delay=delay)
     return out
 
 

@@ -16,7 +16,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.recorded import offline_bag
-from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.plan import Beginning, Plan

@@ -1,6 +1,7 @@
 """What tests share: a ROS domain of their own and real processes that never outlive a test."""
 
 import contextlib
+import json
 import os
 import re
 import signal
@@ -20,6 +21,7 @@ from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
+from rpud_sim.simulation.journal import JournalEntry
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
@@ -171,10 +173,16 @@ def trajectory_messages(segments, sequence, origin):
         return []
     cuts = np.array([0, *trajectory_cuts(segments).tolist(), len(segments)])
     columns = trajectory_fields(segments, cuts, sequence, origin)
-    return [fields for _, _, fields in Batch("trajectory", cuts[:-1], columns).rows()]
+    batch = Batch("trajectory", np.zeros(len(cuts) - 1, np.int64), columns)
+    return [fields for _, _, fields in batch.rows()]
 
 
-def one_by_one(found):
-    """Yield a run's messages, of which many may come together, one by one in order."""
-    for each in found:
-        yield from (each,) if isinstance(each, tuple) else each.messages()
+def entries_in(rows):
+    """Return the journal's entries in messages, as the reader of a bag has them."""
+    found = []
+    for _, topic, fields in rows:
+        if topic == "journal":
+            content = json.loads(fields["content"])
+            entry = JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)
+            found.append(entry)
+    return found

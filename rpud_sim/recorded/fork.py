@@ -162,9 +162,13 @@ class Fork:
         """Return the recorded run up to the instant, not computed yet; refusals are warnings."""
 
         def refuse(change: Change, error: Exception) -> None:
-            if self._changes.empty or not isinstance(error, ParameterError):
-                raise RecordingError(f"{self.recorded.journal}: {change.place}{error}") from error
-            warnings.append(f"refused at {change.time / SECOND:.9g} s: {change.place}{error}")
+            text = f"{change.place}{error}"
+            own = any(change is each for each in self._own)
+            if own and change.time == self.time and isinstance(error, ParameterError):
+                raise ParameterError(text) from error
+            if change.time <= self.time or self._changes.empty:
+                raise RecordingError(f"{self.recorded.journal}: {text}") from error
+            warnings.append(f"refused at {change.time / SECOND:.9g} s: {text}")
 
         plan = Plan(self.recorded.plan.beginning, self._before)
         first = self.recorded.entries[0].entry

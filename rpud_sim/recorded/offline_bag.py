@@ -25,7 +25,7 @@ from rpud_sim.bag.metadata import (
     machine_name,
 )
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.plan import Plan
@@ -69,10 +69,12 @@ def write_offline_bag(
 
 def reported(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Batch]:
     """Advance a run to a time [ns], and report the simulated seconds since the last call."""
-    while run.time < end:
+    while True:  # what is due at the present time comes also where the run ends
         before = run.time
         yield from run.advance_to(min(end, (before // SECOND + 1) * SECOND))
         report((run.time - before) / SECOND)
+        if run.time >= end:
+            return
 
 
 class BatchWriter:

@@ -297,7 +297,8 @@ def _takes(first: Cursor, second: Cursor) -> tuple[bool, bool]:
         # A later one may have the same key, and be the other side's.
         again = after_one is not None and after_one.key == other.key
         return True, not (again and after_one is not None and after_one.data == other.data)
-    if after_one and after_other and after_one.key == after_other.key:
+    same_run = one.run == other.run
+    if same_run and after_one and after_other and after_one.key == after_other.key:
         return True, True  # their followers agree: an altered stamp
     if one.key < other.key:
         out_of_order = after_other is not None and after_other.key <= one.key

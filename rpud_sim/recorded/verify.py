@@ -20,19 +20,19 @@ from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.engine import EngineError
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.offline_bag import encoded
-from rpud_sim.recorded.runs import (
+from rpud_sim.recorded.journal import (
+    END_LENGTH,
     PROGRESS,
     ProgressReaders,
-    RecordedRun,
     UnverifiableError,
     held_journals,
     installed_codec,
     progress_readers,
     recorded_progress,
-    runs_of,
     wrong_header,
 )
+from rpud_sim.recorded.offline_bag import encoded
+from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.recorded.streams import (
     Cursor,
     Head,
@@ -48,7 +48,6 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVE
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
-_END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
 _MOST_SUSPECTS = 10_000  # kept of a topic: further ones show nothing that these do not
 _LATEST = 2**62  # beyond all times [ns]
 _END = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
@@ -184,10 +183,10 @@ class _Proof:
         older = sum(
             c.counts["before"] for name, c in comparisons.items() if not TOPICS[name].latched
         )
-        if found and not decided:
-            self.undecided = self._coverage.reason(len(found))
-        elif torn:
+        if torn:
             self.undecided = f"cannot be decided: {torn[0].torn}"
+        elif found and not decided:
+            self.undecided = self._coverage.reason(found)
         elif older:
             self.undecided = f"{older} messages are of before the journal begins"
         self.differences += [each.difference for each in decided]
@@ -285,6 +284,7 @@ class _Suspect(NamedTuple):
     """Recorded message that its run does not give."""
 
     difference: MessageDifference  # how it differs
+    run: int  # number of its run
     publish_time: int  # [ns]
 
 
@@ -360,7 +360,7 @@ class _TopicProof:
             found = MessageDifference(
                 recorded.topic, stamp, recorded.log_time, field, value, computed
             )
-            self.suspects.append(_Suspect(found, recorded.publish_time))
+            self.suspects.append(_Suspect(found, recorded.run, recorded.publish_time))
 
 
 class _Coverage:
@@ -373,7 +373,7 @@ class _Coverage:
     def __init__(self, bag: BagReader, runs: Sequence[RecordedRun]) -> None:
         last = runs[-1]
         readers = progress_readers(bag, last.prefix)
-        start = max(0, bag.duration - _END_LENGTH)
+        start = max(0, bag.duration - END_LENGTH)
         progress = [found for _, found in recorded_progress(bag, readers, start)]
         found = np.concatenate([np.empty(0, PROGRESS), *progress])
         found = found[last.holds(found["published"])]
@@ -392,26 +392,45 @@ class _Coverage:
         self.reached: tuple[int, int] = position  # run, and the stamp in it [ns]
         # From here on, the bag should hold a topic that it holds at all.
         self.begun = self._begun(bag, readers, runs)
-        self._entries = last.entries[-1].entry.sequence + 1
-        counts = found["entries"]
-        self._counted = int(counts.max(initial=0))  # entries, as a status counts them
-        confirmed = found["published"][(counts >= 0) & (counts <= self._entries)]
-        until = max(last.entries[-1].publish_time, int(confirmed.max(initial=0)))
-        if self._counted <= self._entries:
-            # The journal is complete but for the last second, in which an entry may be on its way.
-            until = max(until, int(found["published"][counted].max(initial=0)))
-        # Publishing time up to which the journal holds every entry [ns].
-        self._until = _LATEST if last.closed else until
+        # Publishing time up to which the journal holds every entry of each run [ns].
+        self._until = {run.number: _LATEST for run in runs}
+        self._early: dict[int, str] = {}  # of each run whose journal ends early
+        for run in runs:
+            if run.torn:
+                self._until[run.number] = run.entries[-1].publish_time - 1
+            elif not run.closed:
+                # A recorder that went on after the run's end got all that was on its way.
+                whole = recorded_progress(bag, readers, 0) if run is not last else ()
+                shown = np.concatenate([found, *(each for _, each in whole)])
+                shown = shown[run.holds(shown["published"])]
+                self._look(run, shown, counted if run is last else np.ones(len(shown), bool))
+
+    def _look(self, run: RecordedRun, shown: np.ndarray, arrived: np.ndarray) -> None:
+        """Look for the end of the journal of a run that was not closed.
+
+        ``arrived`` are the messages of which every entry before is in the bag, if it is recorded.
+        """
+        entries = run.entries[-1].entry.sequence + 1
+        counts = shown["entries"]
+        counted = int(counts.max(initial=0))  # entries, as a status counts them
+        confirmed = shown["published"][(counts >= 0) & (counts <= entries)]
+        until = max(run.entries[-1].publish_time, int(confirmed.max(initial=0)))
+        if counted <= entries:
+            until = max(until, int(shown["published"][arrived].max(initial=0)))
+        self._until[run.number] = until
+        self._early[run.number] = (
+            f"the journal ends early: the bag holds {entries} of its entries, and a status counts "
+            f"{counted or 'none'}"
+        )
 
     def decides(self, suspect: _Suspect) -> bool:
         """Whether the journal holds all that could explain a message."""
-        return suspect.publish_time <= self._until
+        return suspect.publish_time <= self._until[suspect.run]
 
-    def reason(self, count: int) -> str:
-        return (
-            f"the journal ends early: the bag holds {self._entries} of its entries, and a status "
-            f"counts {self._counted or 'none'}. {count} messages after it are not as computed"
-        )
+    def reason(self, suspects: Sequence[_Suspect]) -> str:
+        """Return why suspects, none of which is decided, cannot be."""
+        early = self._early.get(suspects[0].run, "")
+        return f"{early}. {len(suspects)} messages after it are not as computed"
 
     @staticmethod
     def _begun(

@@ -83,6 +83,7 @@ class Run:
         self.control = Control(
             self.simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
+        self._placed = False  # whether there is an origin
         self._watches = False
         self._schedule = Schedule(plan.changes)
         self._spans = 0
@@ -148,6 +149,7 @@ class Run:
     def set_origin(self, origin: int) -> None:
         """Give simulation time zero a stamp [ns]; motion and commands go on."""
         self._telemetry.origin = origin
+        self._placed = True
         self._published_faults = None
         self.simulation.record(*journal_form(SetOrigin(origin)))
 
@@ -244,7 +246,7 @@ class Run:
         return self._telemetry.span_ends(now, until)
 
     def _carry_out_due(self) -> Iterator[Batch]:
-        yield from self.changes()
+        yield from self._settled()
         shown = self._shown()
         for change in self._schedule.due(self.time):
             try:
@@ -256,9 +258,14 @@ class Run:
             if isinstance(change.action, Flush):
                 yield from self.flush(ends=change.action.ends)
             else:
-                yield from self.changes()
+                yield from self._settled()
         if self._reports and self._shown() != shown:
             yield self.status()
+
+    def _settled(self) -> Iterator[Batch]:
+        """Yield what changed, unless its stamps follow from an origin that is still due."""
+        if self._placed or self.next_change > self.time:
+            yield from self.changes()
 
     def _refuse(self, change: Change, error: Exception) -> None:
         if self._refused is not None:

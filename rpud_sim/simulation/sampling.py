@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -266,9 +266,6 @@ def sample_parts(
 # Fields of a trajectory with a value for each segment; it holds the constants once.
 SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
 
-# Samples that are computed at once.
-_MOST = 100_000
-
 
 def to_segments(message: Any) -> np.ndarray:
     """Return the ``SEGMENT`` records that a ``rpud_msgs/Trajectory`` was made of, bit for bit."""
@@ -293,41 +290,3 @@ def end_sample(segment: np.void, rate: int) -> int:
     """Number of the first sample at or after a segment's end, at a whole rate [Hz]."""
     end = float(segment["start_fraction"]) + float(segment["duration"])
     return int(segment["start_seconds"]) * rate + math.ceil(end * rate)
-
-
-class Rebuilder:
-    """Sampler of consecutive pieces of a trajectory, at a whole rate [Hz].
-
-    A piece is sampled up to the start of its last segment. The next piece shows where that ends.
-    """
-
-    def __init__(self, rate: int) -> None:
-        self._rate = rate
-        self._held = np.zeros(0, SEGMENT)
-        self._next: int | None = None
-
-    def add(self, segments: np.ndarray) -> Iterator[tuple[int, Samples]]:
-        """Yield samples up to the last segment of the next piece, with the first one's number."""
-        if not len(segments):
-            return
-        covering = np.concatenate([self._held, segments])
-        if self._next is None:
-            self._next = first_sample(covering[0], self._rate)
-        yield from self._sample(covering, first_sample(covering[-1], self._rate))
-        # One segment more than needed, because a number that is rounded up may be before a start.
-        self._held = covering[-2:]
-
-    def finish(self) -> Iterator[tuple[int, Samples]]:
-        """Yield the samples of the last segment, with the first one's number."""
-        if len(self._held):
-            yield from self._sample(self._held, end_sample(self._held[-1], self._rate))
-        self._held = self._held[:0]
-        self._next = None
-
-    def _sample(self, covering: np.ndarray, end: int) -> Iterator[tuple[int, Samples]]:
-        first = self._next or 0
-        while first < end:
-            count = min(end - first, _MOST)
-            yield first, sample(covering, Times.from_grid(first, count, self._rate))
-            first += count
-        self._next = first

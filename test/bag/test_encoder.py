@@ -14,7 +14,7 @@ from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.encoder import CODES, TEXT, Encoder, Members, Sequence
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.values import Ragged
-from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
 

@@ -16,7 +16,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Configuration, Settings
-from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.simulation import Simulation
 
 DURATION = 1.234  # no whole number of blocks
@@ -126,5 +126,5 @@ def test_an_interrupted_run_leaves_no_bag(tmp_path):
 
     beginning = Beginning(Settings(Configuration(preset("drilling"))))
     with pytest.raises(KeyboardInterrupt):
-        write_offline_bag(tmp_path / "bag", beginning, 1.0, report=interrupt)
+        write_offline_bag(tmp_path / "bag", Plan(beginning), 1.0, report=interrupt)
     assert not (tmp_path / "bag").exists()

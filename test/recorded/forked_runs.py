@@ -1,20 +1,23 @@
-"""Recorded runs that tests fork, and what they read of a fork's bag."""
+"""Recorded runs that tests fork and verify, and what they read of a bag."""
 
 import hashlib
 import itertools
 
 import numpy as np
-from rpud_sim.recorded.recorded_journal import installed_codec
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.metadata import MANIFEST_RECORD, manifest_from_record
+from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.simulation.batch import rows_of
+from rpud_sim.simulation.changes import Clear, Configure, Inject
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import TOPICS
 
@@ -23,7 +26,7 @@ MILLISECOND = 1_000_000
 START = 1_700_000_000 * SECOND + 123
 JOURNAL = "/rpud/journal"
 STATUS = "/rpud/status"
-SCENARIO = parse_scenario(
+FAULTS = parse_scenario(
     {
         "seed": 4,
         "faults": [
@@ -35,6 +38,25 @@ SCENARIO = parse_scenario(
     },
     "scenario",
 )
+PROVED_FAULTS = parse_scenario(
+    {
+        "seed": 1,
+        "faults": [
+            {"kind": "lost_preload", "onset": 0.1, "duration": 0.15},
+            {"kind": "noise", "channel": "wrench", "onset": 0.2},
+            {"kind": "garbage", "channel": "reacting_force", "onset": 0.1, "duration": 0.1},
+        ],
+    },
+    "scenario",
+)
+# Proved topics that only a drill on an arm publishes, and its parameters.
+ON_ARM = ("borehole", "mount", "rotation")
+ARM = {
+    "feed_model": "arm",
+    "rotation_model": "friction_drive",
+    "strata": "sandstone",
+    "initial_feed": 0.005,
+}
 VALUES = {
     "prescribed": {"regime": "drilling"},
     "resonance": {
@@ -64,8 +86,8 @@ def digest(data):
 def use(values):
     """Yield the messages of a drill to which everything happens: number of the run, and each."""
     journal = Journal()
-    watched = {"command_timeout": 0.04, "command_loss_ramp": 0.02}
-    run = Run(Beginning(to_settings({**values, **watched}), 0.3, 5, SCENARIO), journal)
+    settings = to_settings({**values, "command_timeout": 0.04, "command_loss_ramp": 0.02})
+    run = Run(Plan(Beginning(settings, 0.3, 5, FAULTS)), journal)
 
     def advance(milliseconds):
         end = run.time + round(milliseconds * MILLISECOND)
@@ -78,19 +100,19 @@ def use(values):
         yield from advance(33.3)
         run.control.apply(WeightOnBit(25.0))
         yield from advance(20)
-        run.simulation.inject(Fault("bias", "nodal_plane", 1e-5), 30 * MILLISECOND)
+        run.apply(Inject(Fault("bias", "nodal_plane", 1e-5), 30 * MILLISECOND))
         yield from run.changes()
-        run.simulation.inject(Fault("stuck", "reacting_force"))
+        run.apply(Inject(Fault("stuck", "reacting_force")))
         run.control.apply(Drive(True, 80.0, 16_050.0))
         yield from advance(7.7777)
-        run.simulation.clear(next(iter(run.simulation.faults.active)).number)
+        run.apply(Clear(run.simulation.faults.active[0].number))
         run.control.activate(False)
         yield from advance(9)
         run.control.activate(True)
         yield from advance(70)  # the commands are lost, and go down to nothing
-        run.configure(to_settings({**values, "actuator_restitution": 0.8, "regime": "free"}))
+        run.apply(Configure({"actuator_restitution": 0.8, "regime": "free"}))
         yield from run.flush()
-        run.place(START + 7)  # a reset of the time alone
+        run.set_origin(START + 7)  # a reset of the time alone
         yield from advance(31.4)
         yield from run.flush()
 
@@ -99,11 +121,11 @@ def use(values):
         yield from advance(41)
         run.control.apply(WeightOnBit(5.0))
         yield from advance(30)
-        yield from run.flush("end")
+        yield from run.flush(ends=True)
 
-    yield from ((1, message) for message in first())
-    run = Run(Beginning(to_settings({**values, **watched}), 0.7, 6), journal)
-    yield from ((2, message) for message in second())
+    yield from ((1, row) for row in rows_of(first()))
+    run = Run(Plan(Beginning(settings, 0.7, 6)), journal)
+    yield from ((2, row) for row in rows_of(second()))
 
 
 def write_used(path, values, lost=lambda number: False):

@@ -8,23 +8,25 @@ import pytest
 from altered_bags import altered, numbered
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from inspection.forked_runs import (
+from recorded.forked_runs import (
+    FAULTS,
     JOURNAL,
     MILLISECOND,
-    SCENARIO,
     SECOND,
+    decoded,
     entries_of,
     held,
     manifest_of,
 )
-from rpud_sim.recorded.verify.verification import verify
-from rpud_sim.simulation.plans import parameter_changes
 from sample_bags import write_offline_bag
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.offline_bag import write_fork
+from rpud_sim.recorded.fork import write_fork
+from rpud_sim.recorded.verify import verify
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.scenario_file import parse_injections
+from rpud_sim.simulation.changes import parameter_changes
+from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 from rpud_sim.simulation.topics import TOPICS
 
 
@@ -70,7 +72,7 @@ def test_it_is_proved_itself_and_can_be_forked(used, tmp_path, at, run):
     assert verification.proved, verification
     assert verification.warnings == ()
     time = round(at * SECOND) + 5 * MILLISECOND
-    write_fork(tmp_path / "fork", tmp_path / "again", time / SECOND, run=run)
+    write_fork(tmp_path / "fork", tmp_path / "again", time / SECOND)
     assert verify(tmp_path / "again").proved
     begin = min(t for t, _, _ in held(tmp_path / "again"))
     rest = [each for each in held(tmp_path / "again") if each[0] > begin]
@@ -78,17 +80,19 @@ def test_it_is_proved_itself_and_can_be_forked(used, tmp_path, at, run):
 
 
 def test_it_names_where_it_came_from(plain, tmp_path):
-    changes = parse_injections(["restitution_loss,duration=0.1"]) + parameter_changes(
-        {"weight_on_bit": 30}
+    changes = parameter_changes({"gravity": 1.62}) + parse_injections(
+        ["restitution_loss,duration=0.1"]
     )
+    changes += parameter_changes({"weight_on_bit": 30})
     write_fork(plain, tmp_path / "fork", 0.1, 0.05, changes)
     origin = manifest_of(tmp_path / "fork").forked_from
     assert (origin["bag"], origin["run"], origin["at"]) == (str(plain), 1, 0.1)
     assert len(origin["journal"]) == 64
-    assert origin["changes"]["parameters"] == {"weight_on_bit": 30}
-    (planned,) = origin["changes"]["planned"]
-    assert planned["delay"] == 0.0
-    assert planned["Injection"]["fault"]["kind"] == "restitution_loss"
+    changed, injected, commanded = origin["changes"]["planned"]
+    assert origin["changes"]["parameters"] == changed["parameters"] == {"gravity": 1.62}
+    assert [each["delay"] for each in (changed, injected, commanded)] == [0.0] * 3
+    assert injected["fault"]["kind"] == "restitution_loss"
+    assert (commanded["kind"], commanded["force"]) == ("weight_on_bit", 30.0)
     assert manifest_of(plain).forked_from == {}
 
 
@@ -97,7 +101,7 @@ def test_it_may_go_on_beyond_the_end_of_the_recorded_run(plain, tmp_path):
     assert forked.duration == pytest.approx(0.2)
     assert verify(tmp_path / "fork").proved
     whole = tmp_path / "whole"
-    write_offline_bag(whole, preset("drilling"), 0.5, 0.2, SCENARIO, 11)
+    write_offline_bag(whole, preset("drilling"), 0.5, 0.2, FAULTS, 11)
     planes = {"/rpud/nodal_plane", "/rpud/contact_force"}
     rest = [each for each in held(whole, planes) if each[0] > 300 * MILLISECOND]
     # A contact that had not ended at the instant is published after it.
@@ -139,7 +143,7 @@ def test_what_the_bag_does_not_hold_is_refused(used, tmp_path, lost, words, opti
 
 def test_a_journal_without_its_beginning_is_refused(plain, tmp_path):
     late = altered(plain, tmp_path / "late", without_entry(0))
-    with pytest.raises(RecordingError, match=r"/rpud/journal: .*; its recorder came too late"):
+    with pytest.raises(RecordingError, match=r"cannot be decided: .* have no beginning"):
         write_fork(late, tmp_path / "fork", 0.01)
 
 
@@ -147,4 +151,125 @@ def test_a_torn_journal_is_forked_as_far_as_it_goes(used, tmp_path):
     torn = altered(used.path, tmp_path / "torn", without_entry(6))
     known = json.loads(entries_of(used.path)[5].content)["time"] / SECOND
     write_fork(torn, tmp_path / "fork", known / 2, known / 4)
+    assert verify(tmp_path / "fork").proved
+
+
+# --- changes of a fork, against the recorded ones ----------------------------------------------
+
+
+def test_a_change_acts_exactly_at_the_instant(plain, tmp_path):
+    changes = parameter_changes(
+        {"weight_on_bit": 40.0, "drive_enabled": False, "regime": "free"}
+    ) + parse_injections(["bias,channel=wrench,magnitude=5,duration=0.01"])
+    write_fork(plain, tmp_path / "fork", 0.1234567, 0.2, changes)
+    entries = entries_of(tmp_path / "fork")
+    assert [e.sequence for e in entries] == list(range(len(entries)))
+    made = [e for e in entries if json.loads(e.content)["time"] == 123_456_700]
+    assert [e.kind for e in made] == ["stop", "configure", "weight_on_bit", "drive", "inject"]
+    assert json.loads(made[2].content)["force"] == 40.0
+    times = [t for t, topic, _ in held(tmp_path / "fork") if topic != JOURNAL]
+    assert (min(times), max(times)) == (123_456_700, 323_456_700)
+
+
+def test_a_change_changes_what_follows(plain, tmp_path):
+    write_fork(plain, tmp_path / "fork", 0.1, 0.2, parameter_changes({"weight_on_bit": 30.0}))
+    own = held(tmp_path / "fork", {"/rpud/nodal_plane"})
+    source = [each for each in held(plain, {"/rpud/nodal_plane"}) if each[0] > 100 * MILLISECOND]
+    assert [t for t, _, _ in own] == [t for t, _, _ in source]
+    assert all(one[2] != other[2] for one, other in zip(own, source, strict=True))
+
+
+def commanded(entries, after):
+    """Return times and kinds of the commands after a time [ns]."""
+    found = ((json.loads(e.content)["time"], e.kind) for e in entries)
+    return [each for each in found if each[0] > after and each[1] in ("weight_on_bit", "drive")]
+
+
+def test_own_commands_replace_the_recorded_ones(used, tmp_path):
+    (tmp_path / "commands.yaml").write_text(
+        "commands:\n"
+        "  - {time: 0.0055, weight_on_bit: 12}\n"
+        "  - {time: 0.02, drive: {enabled: false}}\n"
+        "  - {time: 0.03, drive: {voltage: 70}}\n"
+        "faults:\n"
+        "  - {kind: hard_rock, onset: 0.01, duration: 0.01}\n"
+    )
+    changes = read_commands(tmp_path / "commands.yaml")
+    forked = write_fork(used.path, tmp_path / "fork", 0.02, 0.07, changes)
+    found = commanded(entries_of(tmp_path / "fork"), 20 * MILLISECOND)
+    assert found == [(25_500_000, "weight_on_bit"), (40_000_000, "drive"), (50_000_000, "drive")]
+    with_rock = "rock_model" in manifest_of(tmp_path / "fork").parameters
+    assert with_rock
+    refused = [w for w in forked.warnings if "hard_rock" in w]
+    assert all(w.startswith("refused at 0.03 s: ") for w in refused)
+    assert verify(tmp_path / "fork").proved
+
+
+def test_the_watchdog_watches_over_own_commands(used, tmp_path):
+    """40 ms after the last command of the file they are lost, and go down within 20 ms."""
+    (tmp_path / "commands.yaml").write_text("commands: [{time: 0.01, weight_on_bit: 12}]")
+    changes = read_commands(tmp_path / "commands.yaml")
+    write_fork(used.path, tmp_path / "fork", 0.01, 0.1, changes)
+    entries = entries_of(tmp_path / "fork")
+    times = [time for time, kind in commanded(entries, 20 * MILLISECOND) if kind == "drive"]
+    assert times[0] >= 60 * MILLISECOND
+    assert (
+        json.loads(next(e for e in reversed(entries) if e.kind == "drive").content)["enabled"]
+        is False
+    )
+    assert verify(tmp_path / "fork").proved
+
+
+def test_a_value_that_is_set_stays_when_the_recorded_run_changes_others(used, tmp_path):
+    changes = parameter_changes({"actuator_restitution": 0.55})
+    write_fork(used.path, tmp_path / "fork", 0.05, None, changes)
+    recorded = [e for e in entries_of(tmp_path / "fork") if e.kind == "configure"]
+    values = [json.loads(e.content)["parameters"] for e in recorded]
+    assert [v["actuator_restitution"] for v in values] == [0.55, 0.55]
+    assert [v["regime"] for v in values] == ["drilling", "free"]
+
+
+def test_a_recorded_clear_finds_its_fault_under_another_number(used, tmp_path):
+    """The fork has a fault more before the one that the recorded run clears."""
+    recorded = next(e for e in entries_of(used.path) if e.kind == "clear")
+    number = json.loads(recorded.content)["number"]
+    changes = parse_injections(["restitution_loss"])
+    forked = write_fork(used.path, tmp_path / "fork", 0.0001, 0.07, changes)
+    assert not any("clear" in warning for warning in forked.warnings)
+    [cleared] = [e for e in entries_of(tmp_path / "fork") if e.kind == "clear"]
+    assert json.loads(cleared.content)["number"] == number + 1
+    ended = {f.number: f for f in decoded(tmp_path / "fork", "faults")[-1].faults if not f.active}
+    content = json.loads(recorded.content)
+    own = ended[number + 1]
+    assert (own.kind, own.channel) == (content["kind"], content["channel"])
+    assert verify(tmp_path / "fork").proved
+
+
+def test_a_fork_of_a_later_run_is_a_bag_of_one_run(used, tmp_path):
+    write_fork(used.path, tmp_path / "fork", 0.02, run=2)
+    kinds = [entry.kind for entry in entries_of(tmp_path / "fork")]
+    assert (kinds[0], kinds.count("begin"), kinds[-1]) == ("begin", 1, "end")
+    assert entries_of(tmp_path / "fork")[0].sequence > 0
+    found = verify(tmp_path / "fork")
+    assert found.proved
+    assert found.simulated == pytest.approx(71 * MILLISECOND, abs=8 * MILLISECOND)
+    with pytest.raises(RecordingError, match=r"--run = 2 is outside its range \[1, 1\]"):
+        write_fork(tmp_path / "fork", tmp_path / "again", 0.03, run=2)
+
+
+def test_a_change_at_the_instant_that_is_refused_leaves_no_bag(plain, tmp_path):
+    with pytest.raises(ParameterError, match="resonance_drift cannot be honoured"):
+        write_fork(plain, tmp_path / "fork", 0.1, None, parse_injections(["resonance_drift"]))
+    with pytest.raises(ParameterError, match="weight_on_bit = -1 N is outside"):
+        write_fork(plain, tmp_path / "fork", 0.1, None, parameter_changes({"weight_on_bit": -1}))
+    assert not (tmp_path / "fork").exists()
+
+
+def test_a_later_one_is_refused_as_a_node_would(plain, tmp_path):
+    (tmp_path / "f.yaml").write_text("faults: [{kind: noise, channel: wrench, onset: 0.1}]")
+    forked = write_fork(plain, tmp_path / "fork", 0.15, None, read_commands(tmp_path / "f.yaml"))
+    assert forked.warnings == (
+        f"refused at 0.25 s: {tmp_path / 'f.yaml'}:1: noise on wrench is already there as fault "
+        + forked.warnings[0].rpartition(" ")[2],
+    )
     assert verify(tmp_path / "fork").proved

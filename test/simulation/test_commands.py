@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from support import examples, refusal
 
 from rpud_sim.simulation import Parameters
-from rpud_sim.simulation.changes import Change, PlannedChanges, parameter_changes
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.changes import (
+    Change,
+    PlannedChanges,
+    check_commands,
+    parameter_changes,
+)
+from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 from rpud_sim.simulation.simulation import Simulation
@@ -208,5 +213,19 @@ def test_a_command_file_holds_feeds(tmp_path):
     file.write_text(
         "commands:\n- {time: 0.5, feed: {position: 0.002}}\n- {time: 0, feed: {rate: 1.0e-3}}\n"
     )
-    planned = (Change(0, Feed("rate", 1e-3)), Change(500_000_000, Feed("position", 2e-3)))
-    assert read_commands(file) == PlannedChanges(planned, replaces_commands=True)
+    changes = (Change(0, Feed("rate", 1e-3)), Change(500_000_000, Feed("position", 2e-3)))
+    assert read_commands(file) == PlannedChanges(changes, replaces_commands=True)
+
+
+@pytest.mark.parametrize(
+    ("commands", "values", "reason"),
+    [
+        ((Feed("rate", 1e-3),), {}, "command at 0 s: a feed cannot be"),
+        ((WeightOnBit(1.0),), {"feed_model": "arm"}, "command at 0 s: weight_on_bit cannot be"),
+        ((Drive(False, 0.0, 0.0), DriveChange(True)), {}, "command at 1 s: drive frequency = 0"),
+        ((Drive(False, 10.0, 16e3), DriveChange(True)), {}, ""),
+    ],
+)
+def test_commands_that_a_drill_cannot_take_are_named_before_it_runs(commands, values, reason):
+    changes = [Change(n * SECOND, command) for n, command in enumerate(commands)]
+    assert refusal(check_commands, changes, to_configuration(values)).startswith(reason)

@@ -138,7 +138,7 @@ def test_a_scenario_is_drawn_with_the_seed_that_is_given_and_otherwise_with_its_
     assert scenario_of(own) == scenario_of(own, 0) == scenario_of(own, 7)
     seeded = to_settings({"scenario": scenario, "seed": 4})
     assert scenario_of(seeded) == scenario_of(own, 4) != scenario_of(own)
-    assert scenario_of(seeded, 9) == scenario_of(own, 9)
+    assert scenario_of(seeded, 9) == scenario_of(own, 9) != scenario_of(own)
     assert scenario_of(Settings()) == ()
     missing = to_settings({"scenario": "/missing.yaml"})  # it is read later
     assert refusal(scenario_of, missing) == "/missing.yaml: No such file or directory"

@@ -73,7 +73,7 @@ plans = st.lists(st.tuples(st.integers(0, SECOND // 4), changes), max_size=6)
 
 def put_into_force(simulation, change):
     if change is None:
-        simulation.clear_all()
+        simulation.clear()
     elif isinstance(change, str):
         parameters = simulation.parameters.replace(regime=change)
         simulation.configure(dataclasses.replace(simulation.configuration, parameters=parameters))

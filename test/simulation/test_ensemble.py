@@ -30,6 +30,7 @@ from rpud_sim.simulation.plan import initial_phases
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
+SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 PARAMETERS = preset("drilling")
 DRILLING = Configuration(PARAMETERS)

@@ -20,11 +20,11 @@ from rpud_sim.simulation import (
     preset,
     to_configuration,
 )
-from rpud_sim.simulation.commands import Control
 from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
-from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import account_of
 
 MILLISECOND = 1_000_000
@@ -200,12 +200,12 @@ def test_lost_commands_stop_the_feed_and_an_inactive_drill_has_none(command):
 
 
 def test_the_status_has_the_feed_in_force():
-    run = Run(Beginning(to_settings(ARM)))
+    run = Run(Plan(Beginning(to_settings(ARM))))
     run.begin(5)
     list(run.advance_to(MILLISECOND))
     run.control.apply(Feed("position", 2e-3))
-    _, _, status = run.status("running", Bookkeeping())
+    status = run.status().row(0)
     assert (status["feed_mode"], status["feed_value"]) == (FeedMessage.MODE_POSITION, 2e-3)
     assert status["feed_applied"] == {"sec": 0, "nanosec": MILLISECOND + 5}
-    _, _, status = Run(Beginning(to_settings({}))).status("running", Bookkeeping())
+    status = Run(Plan(Beginning(to_settings({})))).status().row(0)
     assert (status["feed_mode"], math.isnan(status["feed_value"])) == (FeedMessage.MODE_RATE, True)

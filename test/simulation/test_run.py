@@ -1,32 +1,34 @@
-"""A run gives the same messages in pieces as in one go, and again from its journal or state."""
+"""A run carries out its plan, and its journal is a plan that gives the same messages again."""
 
-import dataclasses
-import json
 import re
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
-from rpud_sim.simulation.rerun import (
-    MOST_CHECKPOINTS,
-    CheckpointError,
-    Checkpoints,
-    JournalError,
-    Rerun,
-)
-from support import one_by_one
+from support import entries_in
 
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
-from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import NEVER
+from rpud_sim.simulation.batch import rows_of
+from rpud_sim.simulation.changes import (
+    Change,
+    ChangeError,
+    Clear,
+    Configure,
+    Flush,
+    Inject,
+    SetOrigin,
+    Stop,
+)
+from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, stamp_of
-from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -34,21 +36,34 @@ ORIGIN = 1_700_000_000 * SECOND + 7
 END = 100 * MILLISECOND
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
 STATUS = Path(__file__).parents[2] / "msg_defs" / "msg" / "Status.msg"
-SCENARIO = Scenario(
-    0,
-    (
-        ScheduledFault(12_345_678, 40 * MILLISECOND, Fault("lost_preload", "", 0.5)),
-        ScheduledFault(20 * MILLISECOND, None, Fault("noise", "wrench")),
-    ),
+
+
+def fault(onset, clear, *words):
+    return Change(onset, Inject(Fault(*words), clear - onset if clear else 0))
+
+
+FAULTS = (
+    fault(12_345_678, 40 * MILLISECOND, "lost_preload", "", 0.5),
+    fault(20 * MILLISECOND, None, "noise", "wrench"),
+)
+ALL_FAULTS = (
+    fault(5 * MILLISECOND, 70 * MILLISECOND, "delayed", "nodal_plane", 0.03),
+    fault(7_654_321, 80 * MILLISECOND, "intermittent", "contact_force", 0.5),
+    *FAULTS,
+    fault(30 * MILLISECOND, None, "slow", "drill_tool", 0.025),
 )
 
 
-def begun(values=None, scenario=None, journal=None, **options):
+def begun(values=None, faults=(), journal=None, changes=(), **options):
     """Give a run that has begun, and the messages of its beginning."""
-    beginning = Beginning(to_settings({**RATES, **(values or {})}), 0.3, 5, scenario)
-    run = Run(beginning, journal, **options)
+    beginning = Beginning(to_settings({**RATES, **(values or {})}), 0.3, 5, faults)
+    run = Run(Plan(beginning, changes), journal, **options)
     run.begin(ORIGIN)
-    return run, list(run.changes())
+    return run, list(rows_of(run.changes()))
+
+
+def advanced(run, time):
+    return list(rows_of(run.advance_to(time)))
 
 
 def topics(messages):
@@ -59,26 +74,19 @@ def kinds(messages):
     return [fields["kind"] for _, topic, fields in messages if topic == "journal"]
 
 
-SIGNALS = (
-    ScheduledFault(5 * MILLISECOND, 70 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
-    ScheduledFault(7_654_321, 80 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
-    ScheduledFault(30 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
-)
-ALL_FAULTS = Scenario(0, tuple(sorted((*SCENARIO.faults, *SIGNALS), key=lambda one: one.onset)))
-
-
 @settings(max_examples=10)
 @given(
     regime=st.sampled_from(["free", "drilling"]),
+    faults=st.sampled_from([(), FAULTS, ALL_FAULTS]),
     stops=st.lists(st.integers(1, END - 1), max_size=8),
 )
-def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
-    whole, first = begun({"regime": regime}, ALL_FAULTS)
-    expected = [*first, *whole.advance_to(END), *whole.flush()]
-    pieces, found = begun({"regime": regime}, ALL_FAULTS)
+def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, faults, stops):
+    whole, first = begun({"regime": regime}, faults)
+    expected = [*first, *advanced(whole, END), *rows_of(whole.flush())]
+    pieces, found = begun({"regime": regime}, faults)
     for stop in [*sorted(stops), END]:
-        found += pieces.advance_to(stop)
-    found += pieces.flush()
+        found += advanced(pieces, stop)
+    found += rows_of(pieces.flush())
 
     def by_topic(messages):
         return {
@@ -91,42 +99,48 @@ def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
     assert pieces.time == whole.time == END
 
 
-def test_the_beginning_comes_first_then_the_origin_and_another_place_changes_stamps():
+def test_the_beginning_comes_first_then_the_origin_and_another_origin_changes_stamps():
     run, messages = begun(journal=Journal())
     assert topics(messages) == ["journal", "journal", "faults"]
     assert kinds(messages) == ["begin", "origin"]
     assert stamp_of(messages[-1][2]) == ORIGIN
     assert list(run.changes()) == []
-    list(run.advance_to(10 * MILLISECOND))
-    run.place(5)
-    messages = list(run.changes())
+    advanced(run, 10 * MILLISECOND)
+    run.set_origin(5)
+    messages = list(rows_of(run.changes()))
     assert (run.origin, run.time) == (5, 10 * MILLISECOND)
     assert topics(messages) == ["journal", "faults"]
     assert kinds(messages) == ["origin"]
-    stamps = {stamp_of(fields) for _, _, fields in run.advance_to(15 * MILLISECOND)}
+    stamps = {stamp_of(fields) for _, _, fields in advanced(run, 15 * MILLISECOND)}
     assert max(stamps) == 5 + 15 * MILLISECOND
 
 
-def test_an_entry_comes_before_its_consequences():
-    run, _ = begun(journal=Journal())
-    list(run.advance_to(10 * MILLISECOND))
-    run.control.apply(WeightOnBit(30.0))
-    run.simulation.inject(Fault("free_mass_jammed"))
-    messages = list(run.advance_to(20 * MILLISECOND))
-    assert topics(messages)[:3] == ["journal", "journal", "faults"]
+@pytest.mark.parametrize("planned", [False, True])
+def test_an_entry_comes_before_its_consequences(planned):
+    actions = WeightOnBit(30.0), Inject(Fault("free_mass_jammed"))
+    changes = [Change(10 * MILLISECOND, action) for action in actions]
+    run, _ = begun(journal=Journal(), changes=changes if planned else ())
+    messages = advanced(run, 10 * MILLISECOND)
+    if not planned:
+        for action in actions:
+            run.apply(action)
+    messages = [*messages, *advanced(run, 20 * MILLISECOND)]
+    first = topics(messages).index("journal")
+    found = messages[first : first + 3]
+    assert topics(found) == ["journal", "journal", "faults"]
     assert kinds(messages) == ["weight_on_bit", "inject"]
-    assert all(time == 10 * MILLISECOND for time, _, _ in messages[:3])
-    assert [stamp_of(fields) for _, _, fields in messages[:3]] == [ORIGIN + 10 * MILLISECOND] * 3
+    assert all(time == 10 * MILLISECOND for time, _, _ in found)
+    assert [stamp_of(fields) for _, _, fields in found] == [ORIGIN + 10 * MILLISECOND] * 3
 
 
-@pytest.mark.parametrize("kind", ["flush", "end"])
-def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(kind):
+@pytest.mark.parametrize(("ends", "kind"), [(False, "flush"), (True, "end")])
+def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(ends, kind):
     run, found = begun(journal=Journal())
     for stop, expected in ((10, []), (12, ["stop"]), (15, []), (27, ["stop"])):
-        messages = list(run.advance_to(stop * MILLISECOND))
+        messages = advanced(run, stop * MILLISECOND)
         assert kinds(messages) == expected
         found += messages
-    rest, again = list(run.flush(kind)), list(run.flush(kind))
+    rest, again = (list(rows_of(run.flush(ends=ends))) for _ in range(2))
     assert kinds(rest) == [kind]
     assert topics(rest) == ["journal", "waveform", "trajectory"]
     assert topics(again) == ["journal"]
@@ -136,13 +150,13 @@ def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(kind
 
 def test_a_stop_inside_a_block_comes_before_the_impacts_of_the_block():
     run, _ = begun({"regime": "free"}, journal=Journal())
-    list(run.advance_to(10 * MILLISECOND))
-    assert topics(run.advance_to(14 * MILLISECOND))[:2] == ["journal", "contact_force"]
+    advanced(run, 10 * MILLISECOND)
+    assert topics(advanced(run, 14 * MILLISECOND))[:2] == ["journal", "contact_force"]
 
 
 def test_faults_are_published_once_for_each_change():
-    run, messages = begun(scenario=SCENARIO)
-    messages += run.advance_to(END)
+    run, messages = begun(faults=FAULTS)
+    messages += advanced(run, END)
     published = [
         (time // MILLISECOND, [fault["kind"] for fault in fields["faults"] if fault["active"]])
         for time, topic, fields in messages
@@ -163,14 +177,16 @@ def test_faults_are_published_once_for_each_change():
 def test_the_status_gives_every_field_of_its_message():
     declared = re.findall(r"^[\w/]+ +([a-z]\w*) *(?:#.*)?$", STATUS.read_text(), re.MULTILINE)
     assert len(declared) > 25
-    run, _ = begun()
-    list(run.advance_to(10 * MILLISECOND))
-    time, topic, fields = run.status("running", Bookkeeping(commands_accepted=3, lag=0.25))
+    run, _ = begun(journal=Journal())
+    advanced(run, 10 * MILLISECOND)
+    batch = run.status("running", Bookkeeping(commands_accepted=3, lag=0.25))
+    [(time, topic, fields)] = batch.rows()
     assert {*fields} == {*declared}
     assert (time, topic) == (10 * MILLISECOND, "status")
     assert stamp_of(fields) == ORIGIN + 10 * MILLISECOND
     assert (fields["state"], fields["commands_accepted"], fields["lag"]) == ("running", 3, 0.25)
     assert fields["impacts"] == run.simulation.impact_count > 0
+    assert fields["journal_entries"] == 2
 
 
 def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
@@ -188,195 +204,141 @@ def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
 
 def test_other_settings_reach_the_watchdog_and_the_drill():
     run, _ = begun({"command_timeout": 0.0})
-    run.configure(run.beginning.settings.replace({"command_timeout": 0.01, "gravity": 1.62}))
-    list(run.advance_to(20 * MILLISECOND))
+    run.apply(Configure({"command_timeout": 0.01, "gravity": 1.62}))
+    advanced(run, 20 * MILLISECOND)
     assert run.control.act()
     assert run.control.commands_lost
-    assert run.simulation.parameters.gravity == 1.62
+    assert run.simulation.parameters.gravity == run.settings.values()["gravity"] == 1.62
 
 
-@given(
-    st.integers(1, 2**32 - 1),
-    st.dictionaries(st.sampled_from(["weight_on_bit", "gravity"]), st.floats(0.1, 9.0)),
-)
-def test_a_beginning_is_read_back_from_its_journal(seed, values):
-    drawn = Beginning.drawn(to_settings({**RATES, **values}), seed)
-    beginning = dataclasses.replace(drawn, scenario=Scenario(seed, SCENARIO.faults))
-    content = json.loads(json.dumps(beginning.to_journal()))
-    assert Beginning.from_journal(content) == beginning
+# --- the plan ----------------------------------------------------------------------------------
 
 
-def test_the_seed_of_the_settings_holds_unless_another_is_given():
-    settings = to_settings({"seed": 4})
-    assert Beginning.drawn(settings) == Beginning.drawn(settings, 4)
-    assert Beginning.drawn(settings, 9) == Beginning(settings, initial_phases(1, 9)[0], 9)
-    assert Beginning.drawn(to_settings({})).initial_phase == 0.0
+def test_a_run_that_reports_has_a_status_at_each_second_and_after_each_change():
+    changes = [
+        Change(300 * MILLISECOND, WeightOnBit(12.0)),
+        Change(300 * MILLISECOND, DriveChange(True, 80.0)),
+        Change(400 * MILLISECOND, WeightOnBit(12.0)),  # acts already
+    ]
+    run, _ = begun(changes=changes, reports=True)
+    found = [(t, f) for t, topic, f in advanced(run, 2 * SECOND) if topic == "status"]
+    assert [time for time, _ in found] == [300 * MILLISECOND, SECOND, 2 * SECOND]
+    assert (found[0][1]["weight_on_bit"], found[0][1]["drive_voltage"]) == (12.0, 80.0)
+    assert run.next_change == NEVER
 
 
-DRILLS = {
-    "drilling": {},
-    "free": {"regime": "free"},
-    "resonance": {"actuator_model": "resonance", "rock_model": "specific_energy"},
-    "tracking": {"actuator_model": "resonance", "generator": "tracking"},
-    "rotation": {"rotation_model": "friction_drive", "rock_model": "specific_energy"},
-    "arm": {"feed_model": "arm", "strata": "regolith", "rotation_model": "friction_drive"},
-}
-
-
-def started(values, scenario=None):
-    run = Run(Beginning(to_settings(values), 0.3, 5, scenario), Journal())
-    run.begin(ORIGIN)
-    return run
-
-
-def to_entry(message):
-    """Return the entry of a message as a bag's reader has it."""
-    _, _, fields = message
-    content = json.loads(fields["content"])
-    return JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)
-
-
-def split(messages):
-    """Give texts in which NaN equals NaN, of messages but journal and faults, and the entries."""
-    messages = list(one_by_one(messages))
-    told = [repr(each) for each in messages if each[1] not in ("journal", "faults")]
-    return told, [to_entry(each) for each in messages if each[1] == "journal"]
-
-
-def again(entries):
-    """Give a rerun of entries that went through a bag, and its messages."""
-    rerun = Rerun()
-    return rerun, split(message for entry in entries for message in rerun.repeat(entry))[0]
-
-
-def act(simulation, number, value):
-    """Change the simulation in one of several ways."""
-    if number == 0:
-        simulation.apply(WeightOnBit(20.0 * value))
-    elif number == 1:
-        simulation.apply(Drive(value < 0.7, 100.0 * value, 16_000.0 + value))
-    elif number == 2:
-        changed = {**to_values(simulation.configuration), "actuator_restitution": 0.5 + value / 3}
-        changed["regime"] = "free" if value < 0.2 else "drilling"
-        simulation.configure(to_configuration(changed))
-    elif number == 3:
-        simulation.inject(Fault("bias", "nodal_plane", 1e-6 + value), int(value * 1e8))
-    else:
-        simulation.clear_all()
-
-
-LENGTHS = st.integers(1, 30 * MILLISECOND)
-
-
-@settings(max_examples=15)
-@given(
-    regime=st.sampled_from(["free", "drilling"]),
-    steps=st.lists(st.tuples(LENGTHS, st.integers(0, 4), st.floats(0.0, 1.0)), max_size=8),
-)
-def test_whatever_was_done_is_done_again(regime, steps):
-    run, messages = started({**RATES, "regime": regime}, ALL_FAULTS), []
-    for length, number, value in steps:
-        messages += run.advance_to(run.time + length)
-        with suppress(FaultError):  # it may be there already
-            act(run.simulation, number, value)
-    messages += [*run.advance_to(run.time + 31 * MILLISECOND), *run.flush("end")]
-    told, entries = split(messages)
-    assert again(entries)[1] == told
-
-
-BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}
+def test_under_watch_the_loss_of_planned_commands_makes_the_drill_safe():
+    values = {"command_timeout": 0.04, "command_loss_ramp": 0.02}
+    run, _ = begun(values, journal=Journal(), reports=True)
+    advanced(run, 10 * MILLISECOND)
+    run.watch()
+    run.schedule(Change(30 * MILLISECOND, WeightOnBit(12.0)))
+    messages = advanced(run, 60 * MILLISECOND)
+    assert kinds(messages) == ["weight_on_bit"]
+    messages = advanced(run, END)
+    states = [fields for _, topic, fields in messages if topic == "status"]
+    assert [states[n]["commands_lost"] for n in (0, -1)] == [True, True]
+    assert (states[-1]["weight_on_bit"], states[-1]["drive_enabled"]) == (0.0, False)
+    assert kinds(messages)[:2] == ["weight_on_bit", "drive"]
 
 
 @pytest.mark.parametrize(
-    ("kind", "time", "content", "reason"),
+    ("action", "reason"),
     [
-        ("explode", 5, {}, "there is no such kind"),
-        ("stop", 4, {}, "before that of the one before it"),
-        ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
-        ("weight_on_bit", 5, {}, "KeyError"),
-        ("clear", 5, {"number": 3}, "there is no fault 3"),
-        ("begin", 0, {"parameters": {}}, "KeyError"),
-        ("begin", 0, {**BEGIN, "parameters": {**RATES, "telemetry_rate": 0}}, "outside its range"),
+        (Clear(3), "there is no fault 3 to clear"),
+        (Clear(0, "noise", "wrench"), "there is no noise on wrench to clear"),
+        (Inject(Fault("feed_stall")), "feed_stall cannot be honoured"),
+        (Feed("rate", 1e-3), "feed"),
+        (Configure({"weight_on_bit": -1.0}), "weight_on_bit = -1"),
+        (Configure({"no such": 1.0}), "no such"),
     ],
 )
-def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
-    rerun, _ = again([JournalEntry(0, 0, "begin", BEGIN), JournalEntry(1, 5, "stop", {})])
-    with pytest.raises(JournalError, match=rf"^journal entry 2 \({kind}\) cannot be done: .*") as e:
-        list(rerun.repeat(JournalEntry(2, time, kind, content)))
-    assert reason in str(e.value)
-    with pytest.raises(JournalError, match="nothing has begun"):
-        again([JournalEntry(0, 0, "stop", {})])
+def test_a_change_that_cannot_be_carried_out_ends_the_run_or_is_refused(action, reason):
+    change = Change(5 * MILLISECOND, action, "here: ")
+    run, _ = begun(changes=[change])
+    with pytest.raises(ChangeError, match=f"^here: .*{re.escape(reason)}"):
+        advanced(run, END)
+    refused = []
+    run, _ = begun(changes=[change], refused=lambda *words: refused.append(words))
+    advanced(run, END)
+    [(found, error)] = refused
+    assert (found, run.time) == (change, END)
+    assert isinstance(error, ParameterError)
+    assert run.simulation.faults.records == ()
 
 
-def go_on(run):
-    """Go on and change something; return all messages as texts."""
-    messages = list(run.advance_to(run.time + 15 * MILLISECOND))
-    fed = run.simulation.configuration.has_feed
-    run.control.apply(Feed("rate", -1e-3) if fed else WeightOnBit(17.0))
-    return split([*messages, *run.advance_to(run.time + 33 * MILLISECOND)])[0]
+def test_a_fault_ends_by_kind_and_channel_under_any_number():
+    run, _ = begun(journal=Journal())
+    for kind, channel in (("bias", "wrench"), ("noise", "wrench"), ("noise", "nodal_plane")):
+        run.apply(Inject(Fault(kind, channel)))
+    run.apply(Clear(7, "noise", "wrench"))
+    assert [str(each.fault) for each in run.simulation.faults.active] == [
+        "bias on wrench",
+        "noise on nodal_plane",
+    ]
+    entry = entries_in(rows_of(run.changes()))[-1]
+    assert (entry.kind, entry.content) == (
+        "clear",
+        {"number": 2, "kind": "noise", "channel": "wrench"},
+    )
+    run.apply(Clear())
+    assert run.simulation.faults.active == ()
 
 
-@settings(max_examples=8)
-@given(
-    time=st.integers(0, 50 * MILLISECOND),
-    values=st.sampled_from([DRILLS[name] for name in ("drilling", "tracking", "arm")]),
+ACTIONS = st.one_of(
+    st.builds(WeightOnBit, st.floats(0.0, 20.0)),
+    st.builds(Drive, st.booleans(), st.floats(0.0, 100.0), st.floats(15e3, 17e3)),
+    st.builds(DriveChange, st.booleans(), st.none() | st.floats(0.0, 100.0)),
+    st.builds(
+        lambda value: Configure(
+            {"actuator_restitution": value, "regime": "free" if value < 0.7 else "drilling"}
+        ),
+        st.floats(0.5, 0.9),
+    ),
+    st.builds(
+        Inject, st.builds(Fault, st.just("bias"), st.just("wrench")), st.integers(0, 60_000_000)
+    ),
+    st.sampled_from(
+        [Clear(), Clear(0, "bias", "wrench"), SetOrigin(5), SetOrigin(ORIGIN + 1), Stop()]
+    ),
+    st.builds(Flush),
 )
-def test_copies_and_checkpoints_go_on_like_their_run_and_by_themselves(time, values):
-    run, checkpoints = started(values), Checkpoints()
-    for kind in ("noise", "intermittent", "garbage", "delayed"):
-        run.simulation.inject(Fault(kind, "contact_force"), 40 * MILLISECOND)
-    list(run.advance_to(time))
-    checkpoints.save("here", run)
-    copies = [run.copy(Journal()), run.copy(Journal())]
-    expected = go_on(run)
-    assert all(go_on(each) == expected for each in copies)
-    found = checkpoints.find("here")
-    assert found.time == time
-    first = go_on(found)
-    assert go_on(checkpoints.find("here")) == first
-    assert checkpoints.names == ("here",)
+STEPS = st.lists(st.tuples(st.integers(1, 30 * MILLISECOND), ACTIONS), max_size=8)
 
 
-def test_names_and_number_of_checkpoints_are_checked():
-    run, checkpoints = started({}), Checkpoints()
+@settings(max_examples=20)
+@given(
+    regime=st.sampled_from(["free", "drilling"]),
+    faults=st.sampled_from([(), ALL_FAULTS]),
+    steps=STEPS,
+)
+def test_what_was_done_is_a_plan_that_gives_every_message_again(regime, faults, steps):
+    run, messages = begun({"regime": regime}, faults, Journal())
+    for length, action in steps:
+        messages += advanced(run, run.time + length)
+        with suppress(ParameterError):  # there may be such a fault already, or none
+            run.apply(action)
+        if isinstance(action, Flush):
+            messages += rows_of(run.flush())
+    messages += advanced(run, run.time + 31 * MILLISECOND)
+    messages += rows_of(run.flush(ends=True))
+    again = Run(Plan.of(entries_in(messages)), Journal(1))
+    found = list(rows_of(again.advance_to(run.time)))
+    assert list(map(repr, found)) == list(map(repr, messages[1:]))
 
-    def refused(reason):
-        return pytest.raises(CheckpointError, match=reason) if reason else nullcontext()
 
-    with refused("no checkpoint 'a'; none was saved"):
-        checkpoints.find("a")
-    names = [f"rock{number}" for number in range(MOST_CHECKPOINTS)]
-    for name, reason in (
-        *((each, "is no name of a checkpoint") for each in ("", "a b", "x" * 65, "a/b", "a\n")),
-        *((each, "") for each in names),
-        ("more", "one more than 16 checkpoints: .* such as rock0"),
-        ("rock0", ""),
-    ):
-        with refused(reason):
-            checkpoints.save(name, run)
-    assert checkpoints.names == (*names[1:], "rock0")
-    with refused(r"'roc0'; did you mean rock0\?"):
-        checkpoints.find("roc0")
-
-
-@pytest.mark.parametrize("faulty", [False, True])
-@pytest.mark.parametrize("name", DRILLS)
-def test_a_run_goes_on_from_its_state_with_the_same_bits(name, faulty):
-    run = Run(Beginning.drawn(to_settings(DRILLS[name])), Journal())
-    run.begin(5)
-    messages = list(run.advance_to(330 * MILLISECOND))
-    for kind in KINDS if faulty else ():
-        for channel in ("",) if KINDS[kind].physical else ("wrench", "contact_force"):
-            with suppress(FaultError):  # not of this drill
-                run.simulation.inject(Fault(kind, channel), 400 * MILLISECOND)
-    run.control.apply(Feed("rate", 1e-4) if name == "arm" else WeightOnBit(11.0))
-    messages += run.advance_to(371 * MILLISECOND)
-    run.note_state()
-    _, entries = split([*messages, *run.changes()])
-    text = json.dumps(run.state(), sort_keys=True)
-    began, told = again(entries[-1:])
-    assert told == []
-    for rerun in (began, again(entries)[0]):
-        assert json.dumps(rerun.run.state(), sort_keys=True) == text
-    end = 900 * MILLISECOND
-    assert split(began.advance_to(end))[0] == split(run.advance_to(end))[0]
+@settings(max_examples=10)
+@given(steps=STEPS)
+def test_planned_changes_are_those_that_are_carried_out_at_their_times(steps):
+    times = [sum(length for length, _ in steps[: n + 1]) for n in range(len(steps))]
+    changes = [Change(t, action) for t, (_, action) in zip(times, steps, strict=True)]
+    planned, found = begun(changes=changes, refused=lambda *words: None)
+    found += advanced(planned, 300 * MILLISECOND)
+    run, messages = begun()
+    for change in changes:
+        messages += advanced(run, change.time)
+        with suppress(ParameterError):
+            run.apply(change.action)
+        messages += rows_of(run.flush() if isinstance(change.action, Flush) else run.changes())
+    messages += advanced(run, 300 * MILLISECOND)
+    assert list(map(repr, found)) == list(map(repr, messages))

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from support import trajectory_messages
@@ -14,7 +14,7 @@ from trajectories import rebuild
 
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.sampling import CHANNELS, Rebuilder, Times, sample, to_segments
+from rpud_sim.simulation.sampling import CHANNELS, Times, sample, to_segments
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
@@ -107,29 +107,3 @@ def test_segments_come_back_bit_for_bit(blocks):
     messages[0].contact = messages[0].contact[:1]
     with pytest.raises(ValueError, match="contact has 1 values, and duration"):
         to_segments(messages[0])
-
-
-@settings(max_examples=20)
-@given(
-    rate=st.sampled_from([1, 999, 16_000, 50_000, 1_234_567]),
-    cuts=st.lists(st.integers(0, 10_000), max_size=5),
-)
-def test_however_it_is_cut_the_samples_are_those_of_the_whole(blocks, rate, cuts):
-    block, rebuilder = blocks[1], Rebuilder(rate)
-    segments = block.segments
-    pieces = np.split(segments, sorted(cut % len(segments) for cut in cuts))
-    found = [item for piece in pieces for item in rebuilder.add(piece)]
-    found += rebuilder.finish()
-    last = segments[-1]
-    end = last["start_seconds"] + last["start_fraction"] + last["duration"]
-    # The block begins within a segment: its own samples begin there.
-    first = block.grid(rate).start
-    expected = block.sample(Times.from_grid(first, max(0, int(np.ceil(end * rate)) - first), rate))
-    start = found[0][0] if found else first
-    for number, samples in found:  # without a gap
-        assert number == start
-        start += len(samples.in_contact)
-    for name in CHANNELS if found else ():
-        made = np.concatenate([getattr(samples, name) for _, samples in found])
-        assert made[first - found[0][0] :].tobytes() == getattr(expected, name).tobytes()
-    assert found or not len(expected.in_contact)

@@ -10,11 +10,11 @@ from drill_configurations import FULL, RESONANT, SANDSTONE
 from fault_signatures import ON_AN_ARM_ALONE as SLOW
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import Parameters, preset
+from rpud_sim.simulation.changes import Change, Inject, in_order
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
@@ -34,11 +34,7 @@ PHYSICAL = [name for name, kind in KINDS.items() if kind.physical and name not i
 
 
 def scheduled(kind, onset, clear=None, magnitude=math.nan, channel=""):
-    return ScheduledFault(onset, clear, Fault(kind, channel, magnitude))
-
-
-def scenario(*faults):
-    return Scenario(0, tuple(sorted(faults, key=lambda fault: fault.onset)))
+    return Change(onset, Inject(Fault(kind, channel, magnitude), clear - onset if clear else 0))
 
 
 def spans(simulation):
@@ -52,7 +48,7 @@ def scenarios(draw, kinds):
         instants = draw(st.lists(st.integers(0, END), min_size=1, max_size=4, unique=True))
         for onset, clear in list(pairwise([*sorted(instants), None]))[::2]:
             faults.append(scheduled(kind, onset, clear))
-    return scenario(*faults)
+    return in_order(faults)
 
 
 commands = st.one_of(
@@ -65,7 +61,7 @@ moments = st.integers(0, END)
 
 def run(configuration, faults, given_commands, stops):
     """Give all that happened until the end, where a caller stops now and then."""
-    simulation = Simulation(configuration, scenario=faults)
+    simulation = Simulation(configuration, planned=faults)
     segments, impacts = [], []
     for time in sorted({*stops, *given_commands, END}):
         block = simulation.advance_to(time)
@@ -118,7 +114,7 @@ def test_scheduled_faults_come_and_go_at_their_instants():
         ("restitution_loss", 123_456_789, None),
         ("load_spring_binding", 400_000_001, 400_000_002),
     ]
-    simulation = Simulation(Parameters(), scenario=scenario(*(scheduled(*each) for each in times)))
+    simulation = Simulation(Parameters(), planned=[scheduled(*each) for each in times])
     segments = simulation.advance_to(SECOND).segments
     assert spans(simulation) == times
     begun = np.rint(segments["start_seconds"] * 1e9 + segments["start_fraction"] * SECOND)
@@ -132,7 +128,7 @@ def test_scheduled_faults_come_and_go_at_their_instants():
 def test_at_one_instant_ends_come_before_beginnings():
     first = scheduled("lost_preload", SECOND, 2 * SECOND, 0.2)
     second = scheduled("lost_preload", 2 * SECOND, None, 0.4)
-    simulation = Simulation(Parameters(), scenario=scenario(first, second))
+    simulation = Simulation(Parameters(), planned=[first, second])
     simulation.advance_to(3 * SECOND)
     assert simulation.drain_refusals() == []
     assert [clear for _, _, clear in spans(simulation)] == [2 * SECOND, None]
@@ -140,18 +136,18 @@ def test_at_one_instant_ends_come_before_beginnings():
 
 def test_a_scheduled_fault_that_cannot_begin_is_refused_and_reported():
     free = preset("free")
-    plan = scenario(
+    planned = [
         scheduled("free_mass_jammed", SECOND),
         scheduled("drill_tool_binding", SECOND),
         scheduled("lost_preload", 2 * SECOND),
-    )
-    simulation = Simulation(Configuration(free), scenario=plan)
+    ]
+    simulation = Simulation(Configuration(free), planned=planned)
     assert simulation.inject(Fault("free_mass_jammed")) == 1
     simulation.configure(Configuration(free.replace(regime="drilling")))
     simulation.advance_to(3 * SECOND)
     there, impossible = simulation.drain_refusals()
-    assert there == "scheduled fault refused: free_mass_jammed is already there as fault 1"
-    assert impossible.startswith("scheduled fault refused: drill_tool_binding cannot be honoured:")
+    assert there == "planned change refused: free_mass_jammed is already there as fault 1"
+    assert impossible.startswith("planned change refused: drill_tool_binding cannot be honoured:")
     assert simulation.drain_refusals() == []
     assert spans(simulation) == [("free_mass_jammed", 0, None), ("lost_preload", 2 * SECOND, None)]
 
@@ -162,7 +158,7 @@ def test_a_duration_ends_the_fault_and_a_clear_before_ends_it_once():
     first = simulation.inject(Fault("lost_preload"), 500)
     second = simulation.inject(Fault("noise", "wrench"), 700)
     simulation.advance_to(100)
-    assert simulation.clear(second).clear == 100
+    simulation.clear(second)
     # One of the same kind may begin, and the first one's end is not its own.
     third = simulation.inject(Fault("noise", "wrench"))
     simulation.advance_to(SECOND)
@@ -175,7 +171,7 @@ def test_all_faults_clear_at_once_and_the_drill_is_as_it_was():
     for kind in PHYSICAL:
         simulation.inject(Fault(kind))
     simulation.advance_to(SECOND // 10)
-    simulation.clear_all()
+    simulation.clear()
     assert simulation.faults.active == ()
     assert {record.clear for record in simulation.faults.records} == {SECOND // 10}
     constants = simulation.advance_to(SECOND // 5).segments[-1]
@@ -215,7 +211,7 @@ def test_faults_of_the_rock_slow_the_progress_of_every_impact(fault, factor):
     healthy = progress_until(1)
     simulation.inject(fault)
     assert progress_until(3) == pytest.approx(factor * healthy, rel=1e-9)
-    simulation.clear_all()
+    simulation.clear()
     before = simulation.depth
     assert progress_until(4) == pytest.approx(healthy, rel=1e-9)
     assert simulation.penetration_rate == pytest.approx(simulation.depth - before, rel=1e-9)

@@ -1,4 +1,4 @@
-"""What goes out of a run is complete, at its times, and the same one by one and together."""
+"""What goes out of a run is complete, at its times, and the same block by block and in spans."""
 
 import itertools
 from collections import defaultdict
@@ -8,24 +8,23 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
-from support import one_by_one
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.simulation import Parameters, fields
+from rpud_sim.simulation.batch import rows_of, spans
 from rpud_sim.simulation.block import boundary
+from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
@@ -42,7 +41,7 @@ def periods(rate, end=END):
 
 
 def started(values=None, faults=(), **options):
-    run = Run(Beginning(to_settings(values or {}), scenario=Scenario(0, tuple(faults))), **options)
+    run = Run(Plan(Beginning(to_settings(values or {}), faults=tuple(faults))), **options)
     run.begin(ORIGIN)
     return run
 
@@ -51,7 +50,7 @@ def published(run, *times):
     """Everything that goes out until the last of the times, as (time, message) by topic."""
     found = defaultdict(list)
     for messages in (*map(run.advance_to, times), run.flush()):
-        for time, topic, values in messages:
+        for time, topic, values in rows_of(messages):
             found[topic].append((time, values))
     return found
 
@@ -115,11 +114,17 @@ def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     assert sum(lengths) == len(whole.segments)
 
 
+def fault(onset, clear, fault):
+    """Return the injection of a fault between two times [ms]."""
+    duration = (clear - onset) * MILLISECOND if clear else 0
+    return Change(onset * MILLISECOND, Inject(fault, duration))
+
+
 PLANNED = (
-    ScheduledFault(0, None, Fault("noise", "wrench")),
-    ScheduledFault(20 * MILLISECOND, 95 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
-    ScheduledFault(50 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
-    ScheduledFault(70 * MILLISECOND, 130 * MILLISECOND, Fault("off", "reacting_force")),
+    fault(0, None, Fault("noise", "wrench")),
+    fault(20, 95, Fault("delayed", "nodal_plane", 0.03)),
+    fault(50, None, Fault("slow", "drill_tool", 0.025)),
+    fault(70, 130, Fault("off", "reacting_force")),
 )
 
 
@@ -184,16 +189,13 @@ FAULTS = st.builds(Fault, st.just("lost_preload"), st.just(""), st.floats(0.1, 0
     )
 )
 TIMES = st.integers(0, 900 * MILLISECOND)
-LENGTHS = st.none() | st.integers(1, 300 * MILLISECOND)
+LENGTHS = st.integers(0, 300 * MILLISECOND)
 
 
 @st.composite
 def scenarios(draw):
-    planned = []
-    for fault in draw(st.lists(FAULTS, max_size=2, unique_by=lambda fault: fault.channel)):
-        onset, length = draw(TIMES), draw(LENGTHS)
-        planned.append(ScheduledFault(onset, onset + length if length else None, fault))
-    return Scenario(0, tuple(planned))
+    chosen = draw(st.lists(FAULTS, max_size=2, unique_by=lambda fault: fault.channel))
+    return tuple(Change(draw(TIMES), Inject(each, draw(LENGTHS))) for each in chosen)
 
 
 COMMANDS = st.sampled_from([WeightOnBit(0.0), WeightOnBit(25.0), Drive(False, 0.0, 0.0)])
@@ -205,57 +207,60 @@ def serialized(messages):
     return [(time, topic, CODECS[topic].encode(fields)) for time, topic, fields in messages]
 
 
-def told(advance, values, scenario, steps=()):
-    """Messages of a run under commands and faults, and those of its status."""
-    run = Run(Beginning(to_settings(values), 0.3, 5, scenario), Journal())
+def told(values, faults, steps, *, by_block):
+    """Messages of a run under commands and faults, block by block or as far as it goes at once."""
+    run = Run(Plan(Beginning(to_settings(values), 0.3, 5, faults)), Journal())
     run.begin(ORIGIN)
-    messages = []
+    batches = []
     for number, (time, change) in enumerate(
         [*sorted(steps, key=lambda step: step[0]), (SECOND, None)]
     ):
-        messages += one_by_one(advance(run, time))
-        messages.append(run.status("running", Bookkeeping()))
+        while by_block and run.time < time:
+            batches += run.advance_to(min(run.next_boundary, time))
+        batches += run.advance_to(time)
+        batches.append(run.status())
         if isinstance(change, Fault):
             with suppress(FaultError):  # it may be there already
-                run.simulation.inject(change, 50 * MILLISECOND * (number % 2))
+                run.apply(Inject(change, 50 * MILLISECOND * (number % 2)))
         elif isinstance(change, WeightOnBit) and "feed_model" in values:
             run.control.apply(Feed("rate", 1e-4 * change.force))
         elif change is not None:
             run.control.apply(change)
-        messages += run.changes()
-        run = run.copy() if number == 1 else run
-    return serialized([*messages, *run.flush("end")])
+        batches += run.changes()
+    return serialized(rows_of([*batches, *run.flush(ends=True)]))
 
 
 @settings(max_examples=12)
 @given(VALUES, scenarios(), STEPS)
-@example({}, Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, Fault("off", "wrench")),)), [])
-@example({}, Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, Fault("lost_preload")),)), [])
-def test_together_they_are_the_same_as_one_by_one(values, scenario, steps):
-    expected = told(Run.advance_to, values, scenario, steps)
-    assert told(Run.advance_together, values, scenario, steps) == expected
+@example({}, (fault(0, 300, Fault("off", "wrench")),), [])
+@example({}, (fault(0, 300, Fault("lost_preload")),), [])
+def test_spans_of_blocks_give_the_same_as_block_by_block(values, faults, steps):
+    expected = told(values, faults, steps, by_block=True)
+    assert told(values, faults, steps, by_block=False) == expected
 
 
 def together(values, *times):
-    """Give what a run without changes gives together, up to each time, and the rest."""
-    run = Run(Beginning(to_settings(values)), Journal())
+    """Give what a run without changes gives up to each time: the batches of each span."""
+    run = Run(Plan(Beginning(to_settings(values))), Journal())
     run.begin(ORIGIN)
-    return [list(run.advance_together(time)) for time in times]
+    return [[each for each in spans(run.advance_to(time)) if each[0].span] for time in times]
 
 
 @pytest.mark.parametrize("model", ["gain", "resonance"])
-def test_without_changes_almost_all_come_together(model):
+def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
     [found] = together({"actuator_model": model}, 6 * SECOND)
-    assert sum(isinstance(each, Together) for each in found) == 2
-    assert len(found) < 10  # the rest are entries of the journal and the faults
+    assert [max(int(batch.times[-1]) for batch in span) for span in found] == [
+        4 * SECOND,
+        6 * SECOND,
+    ]
+    assert all(len({batch.topic for batch in span}) == len(span) for span in found)
 
 
 def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
     values = {"telemetry_rate": 100, "block_duration": 0.1}
-    _, found = together(values, 123_456_789, SECOND)
-    assert isinstance(found[-1], Together)
-    assert found[-1].end == SECOND
-    assert len(found[-1].ends) == 80
+    _, [span] = together(values, 123_456_789, SECOND)
+    [planes] = [batch for batch in span if batch.topic == "nodal_plane"]
+    assert (len(planes), int(planes.times[-1])) == (80, SECOND)
 
 
 def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():

@@ -1,12 +1,8 @@
 """Figures of one run with their intervals, and the differences of two runs.
 
-Values that follow each other in a run depend on each other. A bootstrap that draws single values
-takes them for independent, and its intervals are too short. The stationary bootstrap (Politis and
-Romano 1994) draws blocks of random length instead. Its variance of the mean is known in closed
-form (their equation 9), so nothing is drawn here: the result is that of infinitely many
-repetitions, needs no seed, and is the same each time. The mean length of the blocks follows from
-the series by the rule of Politis and White (2004), as corrected by Patton, Politis and White
-(2009).
+Values that follow each other in a run depend on each other, so the spread of single values says too
+little of the error of their mean. Means of long batches of values hardly depend on each other: the
+error comes from their spread, and each batch counts as one value.
 """
 
 from __future__ import annotations
@@ -22,10 +18,7 @@ from rpud_sim.recorded.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
 
 LEVEL = 0.95  # confidence level of all intervals
 
-_LONGER = 3.0  # times the rule's length: the rule weighs bias like noise, coverage wants less bias
-_FEWEST_BLOCKS = 8  # of the mean length in a series
-_MOST_VALUES = 2**16  # of a series whose autocovariances are computed
-_SIGNIFICANT = 2.0  # standard errors above which an autocorrelation counts
+_FEWEST, _MOST = 8, 32  # number of batches in a series; between, the root of its length
 _LARGEST_LOGARITHM = 700.0
 _ROUNDING = 1e-9  # relative; smaller differences come from the rounding of numbers
 _SHARES = {MEDIAN: 0.5, P95: 0.95}
@@ -42,75 +35,15 @@ DIFFERS, SAME, EQUIVALENT, UNDECIDED, TOO_FEW = (
 
 
 def mean_error(values: np.ndarray) -> tuple[float, float]:
-    """Return standard error of the mean of a stationary series (n,), and its number of blocks.
+    """Return standard error of the mean of a stationary series (n,), and the number of its batches.
 
-    About so many values are independent. Neighbours in a long series become their mean first; a
-    remainder at its end is left out.
+    A remainder at its end is left out.
     """
-    size = -(-len(values) // _MOST_VALUES)
-    values = np.asarray(values[: len(values) // size * size], float).reshape(-1, size).mean(axis=1)
-    covariances = autocovariances(values)
-    longest = max(1.0, len(values) / _FEWEST_BLOCKS)
-    length = min(_LONGER * block_length(covariances), longest)
-    return math.sqrt(mean_variance(covariances, length)), len(values) / length
-
-
-def autocovariances(values: np.ndarray) -> np.ndarray:
-    """Return the autocovariance of a stationary series (n,) at each lag; first the variance."""
-    count = len(values)
-    # Zeros after the end keep the series from being taken for a circle.
-    length = 2 ** math.ceil(math.log2(max(2 * count, 2)))
-    values = values - values[:1]  # equal values are equal to their mean, whatever that rounds to
-    spectrum = np.fft.rfft(values - values.mean(), length)
-    return np.fft.irfft(np.abs(spectrum) ** 2, length)[:count] / count
-
-
-def block_length(covariances: np.ndarray) -> float:
-    """Return the mean length of blocks that makes the error of the variance least, from 1 on.
-
-    ``covariances`` are the autocovariances at each lag, shape (n,).
-    """
-    count = len(covariances)
-    if count < 4 or not covariances[0] > 0.0:
-        return 1.0
-    longest = max(1.0, min(3.0 * math.sqrt(count), count / 3.0))
-    # Squares of correlations stay in the range of floats where those of covariances may not.
-    correlations = covariances / covariances[0]
-    lag = _last_significant_lag(correlations)
-    reach = min(2 * lag, count - 1)
-    lags = np.arange(1, reach + 1)
-    # The flat top keeps the significant lags whole, and fades the next ones out.
-    weighted = np.minimum(1.0, 2.0 * (1.0 - lags / (2 * lag))) * correlations[1 : reach + 1]
-    slope = 2.0 * float((lags * weighted).sum())
-    density = 1.0 + 2.0 * float(weighted.sum())
-    if not density > 0.0:
-        return longest
-    # Not the third root of squares, which may be no floats any more.
-    best = float(abs(slope / density) ** (2.0 / 3.0) * count ** (1.0 / 3.0))
-    return min(max(best, 1.0), longest)
-
-
-def _last_significant_lag(correlations: np.ndarray) -> int:
-    """Return the lag, from 1 on, after which a row of correlations is not significant."""
-    count = len(correlations)
-    row = max(5, math.ceil(math.sqrt(math.log10(count))))
-    most = min(count - 1, math.ceil(math.sqrt(count)) + row)
-    loud = np.abs(correlations[1 : most + 1]) >= _SIGNIFICANT * math.sqrt(math.log10(count) / count)
-    places = np.flatnonzero(loud) + 1
-    edges = np.array([0, *places, most + 1])
-    long = np.flatnonzero(np.diff(edges) > row)
-    return max(1, int(edges[long[0]] if len(long) else places[-1] if len(places) else 1))
-
-
-def mean_variance(covariances: np.ndarray, length: float) -> float:
-    """Return the variance of the mean by the stationary bootstrap of autocovariances (n,)."""
-    count = len(covariances)
-    lags = np.arange(1, count)
-    stays = 1.0 - 1.0 / length  # chance that the next value is of the same block
-    # The series closes to a circle, so each lag also occurs the other way round.
-    weights = (1.0 - lags / count) * stays**lags + lags / count * stays ** (count - lags)
-    total = float(covariances[0]) + 2.0 * float((weights * covariances[1:]).sum())
-    return max(total, 0.0) / count
+    number = min(len(values), max(_FEWEST, min(_MOST, math.isqrt(len(values)))))
+    size = len(values) // number
+    means = np.asarray(values[: number * size], float).reshape(number, size).mean(axis=1)
+    means = means - means[:1]  # equal values are equal to their mean, whatever that rounds to
+    return float(means.std(ddof=1)) / math.sqrt(number), float(number)
 
 
 class Estimate(NamedTuple):
@@ -119,8 +52,8 @@ class Estimate(NamedTuple):
     value: float
     low: float = math.nan  # low, high: 95 % confidence interval
     high: float = math.nan
-    error: float = math.nan  # standard error by the stationary bootstrap
-    blocks: float = 0.0
+    error: float = math.nan  # standard error
+    batches: float = 0.0  # number of means that the error comes from
     number: int = 0  # of values
 
 
@@ -139,16 +72,16 @@ def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estima
     value = float(values.mean() if figure == MEAN else np.quantile(values, share))
     if count < 4:
         return Estimate(value, number=count)
-    error, blocks = mean_error(values if figure == MEAN else values <= value)
+    error, batches = mean_error(values if figure == MEAN else values <= value)
     floor = max(_ROUNDING * abs(value), resolution)
-    reach = float(stdtrit(max(blocks - 1.0, 1.0), 0.5 + 0.5 * LEVEL))  # in standard errors
+    reach = float(stdtrit(max(batches - 1.0, 1.0), 0.5 + 0.5 * LEVEL))  # in standard errors
     if figure == MEAN:
         error = math.hypot(error, floor)
-        return Estimate(value, value - reach * error, value + reach * error, error, blocks, count)
+        return Estimate(value, value - reach * error, value + reach * error, error, batches, count)
     spread = max(error, 1.0 / count)
     shares = share + spread * np.array([-reach, -1.0, 1.0, reach])
     low, under, over, high = np.quantile(values, np.clip(shares, 0.0, 1.0)).tolist()
-    return Estimate(value, low, high, math.hypot(0.5 * (over - under), floor), blocks, count)
+    return Estimate(value, low, high, math.hypot(0.5 * (over - under), floor), batches, count)
 
 
 class FigureDifference(NamedTuple):
@@ -224,7 +157,7 @@ def _freedom(*figures: Estimate) -> float:
     if not 0.0 < total < math.inf:
         return 1.0
     # Shares first: the squares of errors might be no floats.
-    return 1.0 / sum((e.error / total) ** 4 / max(e.blocks - 1.0, 1.0) for e in figures)
+    return 1.0 / sum((e.error / total) ** 4 / max(e.batches - 1.0, 1.0) for e in figures)
 
 
 def _log_ratio(reference: Estimate, other: Estimate) -> tuple[float, float]:

@@ -21,9 +21,9 @@ from rpud_sim.recorded.compare import page as pages
 from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.page import difference_picture, render
 from rpud_sim.recorded.compare.results import content, texts
-from rpud_sim.recorded.runs import installed_codec
-from rpud_sim.simulation import preset
-from rpud_sim.simulation.scenario_file import read_scenario
+from rpud_sim.recorded.compare.values import RecordedValues
+from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")
 SHIFT = 1_700_000_000 * SECOND
@@ -286,6 +286,13 @@ def test_values_stand_beside_their_rows(found):
     assert ">peak force, mean<" in drawn.content
     known = {each.decision for each in found.differences if math.isfinite(each.relative)}
     assert all(f">{decision}<" in drawn.content for decision in known)
+
+
+def test_each_segment_has_its_differences(made):
+    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
+    page = render(found)
+    differences = "<title>Differences from A, with 95 % intervals</title>"
+    assert page.count(differences) == len(found.windows) == 2
 
 
 def test_a_page_that_cannot_be_written_whole_is_not_there(tmp_path, monkeypatch):

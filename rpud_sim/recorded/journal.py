@@ -1,0 +1,277 @@
+"""Journals in bags: their entries in order, and how far their drills came.
+
+The entries and every message that a drill published show its progress: a journal alone could name
+any time, and its run would never end.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import cache, cached_property
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import FieldReader, Kind, columns_of
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
+from rpud_sim.recorded import RecordingError
+from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.topics import PROVED, TOPICS
+
+JOURNAL = TOPICS["journal"].type
+
+_MOST_ENTRIES = 2_000_000  # of a journal, twice as many as a drill keeps
+END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
+_BEYOND = 60 * SECOND  # of an entry after all messages: topics may be silent so long [ns]
+
+
+class UnverifiableError(RecordingError):
+    """Bag that can be neither proved nor disproved."""
+
+
+class RecordedEntry(NamedTuple):
+    """Entry of a journal in a bag."""
+
+    entry: JournalEntry
+    stamp: int  # of its header [ns]
+    frame: str  # of its header
+    log_time: int  # [ns]
+    publish_time: int  # [ns]
+
+
+@cache
+def installed_codec(type_name: str) -> Codec:
+    """Return the codec of a type as it is installed here; making one takes long."""
+    return Codec(type_name, find_definition(type_name))
+
+
+def held_journals(bag: BagReader) -> dict[str, TopicSummary]:
+    """Return the journals that have messages, by name, at least one."""
+    held = {s.topic.name: s for s in bag.topics if s.topic.type == JOURNAL and s.message_count}
+    if not held:
+        raise UnverifiableError(
+            f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
+        )
+    return held
+
+
+class RecordedJournal:
+    """Journal in a bag; the other messages of its drill bound how long it is run again."""
+
+    def __init__(self, bag: BagReader, summary: TopicSummary) -> None:
+        self.name = summary.topic.name
+        self._bag = bag
+        self._codec = installed_codec(JOURNAL)
+        self._progress = progress_readers(bag, self.name[: -len("journal")])
+        if summary.topic.type_hash not in ("", find_type_hash(JOURNAL)):
+            try:  # every bag's journal is read
+                self._codec = Codec(JOURNAL, summary.definition or "")
+            except BagFormatError as error:
+                raise UnverifiableError(f"{self.name}: {error}") from None
+
+    def entries(self) -> Iterator[RecordedEntry]:
+        """Yield the entries in the order of publishing, each once."""
+        found: list[RecordedEntry] = []
+        for message in self._bag.messages({self.name}):
+            found.append(self._decode(message))
+            if len(found) > _MOST_ENTRIES:
+                raise UnverifiableError(f"{self.name} has more than {_MOST_ENTRIES} entries")
+        # A recorder that asked for entries has them later than others, or twice.
+        found.sort(key=lambda each: (each.publish_time, each.entry.sequence))
+        for _, same in groupby(found, key=lambda each: (each.publish_time, each.entry.sequence)):
+            first, *others = same
+            entry = first.entry
+            if any((e.entry.kind, e.entry.text) != (entry.kind, entry.text) for e in others):
+                raise UnverifiableError(
+                    f"entry {entry.sequence} of the journal is there twice, with other content"
+                )
+            yield first
+
+    def _decode(self, message: Message) -> RecordedEntry:
+        try:
+            fields = self._codec.decode(message.data)
+            content = json.loads(fields.content)
+            time = content.pop("time")
+            if type(time) is not int or not 0 <= time < NEVER:
+                raise ValueError(f"time = {time!r:.40}")
+            if fields.kind == "origin" and type(content["origin"]) is not int:
+                raise ValueError(f"origin = {content['origin']!r:.40}")
+            entry = JournalEntry(int(fields.sequence), time, str(fields.kind), content)
+            stamp = join_seconds(fields.header.stamp.sec, fields.header.stamp.nanosec)
+            frame = str(fields.header.frame_id)
+            return RecordedEntry(entry, stamp, frame, message.log_time, message.publish_time)
+        except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
+            reason = " ".join(f"{error!r:.120}".split())
+            text = f"an entry of the journal cannot be understood: {reason}"
+            raise UnverifiableError(text) from None
+
+    def check(self, entries: Iterable[RecordedEntry]) -> None:
+        """Raise an UnverifiableError at an entry of a run whose time nothing shows.
+
+        It would be run again without an end.
+        """
+        origin: int | None = None
+        for each in entries:
+            entry = each.entry
+            if entry.kind == "origin":
+                origin = int(entry.content["origin"])
+            elif origin is None:
+                origin = each.stamp - entry.time
+            late = entry.kind == "begin" and entry.time > 0
+            if late or not self._shows(origin, entry.time):
+                raise UnverifiableError(
+                    f"entry {entry.sequence} of the journal ({entry.kind:.20}) is of "
+                    f"{entry.time / SECOND:.9g} s, and no other message shows that time"
+                )
+
+    def _shows(self, origin: int, time: int) -> bool:
+        """Whether messages show a simulation time; log times have to where there are none [ns]."""
+        if origin + time <= self._latest_at_end + _BEYOND:
+            return True
+        if self._latest is not None:
+            return origin + time <= self._latest + _BEYOND
+        return time <= self._bag.duration + _BEYOND
+
+    def reached(self, window: tuple[int, int], *, last: bool) -> int | None:
+        """Return the greatest stamp of messages that were published in a window [ns].
+
+        Of the ``last`` run the end of the bag shows it. None if there is none.
+        """
+        start = self._end_start if last else 0
+        shown = recorded_progress(self._bag, self._progress, start)
+        own = ((topic, found[within(found["published"], window)]) for topic, found in shown)
+        stamps = _latest((topic, found) for topic, found in own if len(found))
+        return agreed(stamps) if stamps else None
+
+    @property
+    def _end_start(self) -> int:
+        return max(0, self._bag.duration - END_LENGTH)
+
+    @cached_property
+    def _latest_at_end(self) -> int:
+        return agreed(_latest(recorded_progress(self._bag, self._progress, self._end_start)))
+
+    @cached_property
+    def _latest(self) -> int | None:
+        """Latest stamp of the whole bag, which need not be at its end; None without any [ns]."""
+        found = _latest(recorded_progress(self._bag, self._progress, 0))
+        return agreed(found) if found else None
+
+
+def within(times: np.ndarray, window: tuple[int, int]) -> np.ndarray:
+    """Return which times lie in a window, both ends included, shape (n,)."""
+    return (times >= window[0]) & (times <= window[1])
+
+
+def _latest(shown: Iterable[tuple[str, np.ndarray]]) -> list[int]:
+    """Return the greatest stamp of each topic [ns]."""
+    found: dict[str, int] = {}
+    for topic, progress in shown:
+        found[topic] = max(int(progress["stamp"].max()), found.get(topic, 0))
+    return [*found.values()]
+
+
+def agreed(stamps: Iterable[int]) -> int:
+    """Return the greatest stamp that two topics reach, so that one altered stamp changes nothing.
+
+    It is that of the only topic if there is no other, and 0 without any [ns].
+    """
+    return min(sorted(stamps)[-2:], default=0)
+
+
+class WrongHeader(NamedTuple):
+    """Entry whose header does not fit."""
+
+    recorded: RecordedEntry
+    field: str  # that does not fit
+    value: str
+    right: str  # what it should be
+
+
+def wrong_header(entries: Sequence[RecordedEntry]) -> WrongHeader | None:
+    """Return the first entry of a run whose header does not fit; None if all do.
+
+    The stamp is the entry's time under an origin in force: the one before it, or one that another
+    entry of the same time sets, for they are published together.
+    """
+    before: list[int] = []
+    frame = TOPICS["journal"].frame
+    for time, group in groupby(entries, lambda each: each.entry.time):
+        together = list(group)
+        origins = [e.entry.content["origin"] for e in together if e.entry.kind == "origin"]
+        for each in together:
+            allowed = origins if each.entry.kind == "origin" else [*before, *origins]
+            if each.frame != frame:
+                return WrongHeader(each, "header.frame_id", f"{each.frame!r:.80}", f"{frame!r}")
+            if allowed and each.stamp - time not in allowed:
+                right = str(time + allowed[-1])
+                return WrongHeader(each, "header.stamp", str(each.stamp), right)
+        before = origins[-1:] or before
+    return None
+
+
+# Progress of a drill at one message. Times are in nanoseconds. Only a status says whether the drill
+# stopped, and counts the journal's entries so far: -1 elsewhere.
+PROGRESS = np.dtype(
+    [
+        ("log_time", np.int64),
+        ("published", np.int64),
+        ("stamp", np.int64),
+        ("stopped", np.bool_),
+        ("entries", np.int64),
+    ]
+)
+_STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
+
+ProgressReaders = Mapping[str, tuple[Mapping[str, str], FieldReader]]
+
+
+def progress_readers(bag: BagReader, prefix: str) -> ProgressReaders:
+    """Return readers of a drill's topics that show its progress, by the names of the topics."""
+    found = {}
+    for summary in bag.topics:
+        topic = summary.topic
+        name = topic.name.removeprefix(prefix)
+        if topic.name == name or name not in (*PROVED, "status") or not summary.definition:
+            continue
+        with suppress(BagFormatError):
+            own = TOPICS[name].type
+            same = (topic.type, topic.type_hash) == (own, find_type_hash(own))
+            codec = installed_codec(own) if same else Codec(topic.type, summary.definition)
+            wanted = {"header.stamp": Kind.TIME}
+            if codec.type == TOPICS["status"].type:
+                wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
+            columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
+            names = {column.attribute: column.name for column in columns}
+            if "header.stamp" in names:
+                found[topic.name] = names, FieldReader(codec, columns)
+    return found
+
+
+def recorded_progress(
+    bag: BagReader, readers: ProgressReaders, start: int, duration: int | None = None
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield topics, and ``PROGRESS`` (n,) at some of their messages, those that can be read.
+
+    ``start`` counts from the beginning of the bag [ns].
+    """
+    for block in bag.batches(readers.keys(), start, duration):
+        names, reader = readers[block.topic]
+        values = reader.read(block)
+        held = {attribute: values.columns[name] for attribute, name in names.items()}
+        found = np.zeros(len(values.rows), PROGRESS)
+        found["log_time"] = block.log_times[values.rows]
+        found["published"] = block.publish_times[values.rows]
+        found["stamp"] = held["header.stamp"]
+        found["entries"] = -1
+        if "state" in held:
+            found["stopped"] = held["state"] == _STOPPED
+            found["entries"] = held.get("journal_entries", -1)
+        if len(found):
+            yield block.topic, found

@@ -1,0 +1,404 @@
+"""What a bag proves, and what it does not: altered, shortened and torn apart."""
+
+import dataclasses
+import math
+import struct
+
+import pytest
+from altered_bags import altered, copied, edited, flipped, merged, messages_of, numbered
+from recorded.forked_runs import JOURNAL, ON_ARM
+from sample_bags import write_offline_bag
+from support import called
+
+import rpud_sim.bag
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.recorded.journal import UnverifiableError, installed_codec
+from rpud_sim.recorded.verify import PROVED, verify
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.batch import rows_of
+from rpud_sim.simulation.changes import Change, Inject
+from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.topics import TOPICS
+
+SECOND = 1_000_000_000
+DURATION = 0.33
+# Field of each type, and where it lies from the end of the message, or from its beginning [bytes].
+FIELDS = {
+    "actuator_state": ("temperature", -8),
+    "borehole": ("side_offset", -8),
+    "contact_force": ("energy_transferred", -9),
+    "drill_tool": ("in_contact", -1),
+    "faults": ("forgotten", -8),
+    "joint_states": ("effort[2]", -8),
+    "mount": ("slip", -8),
+    "nodal_plane": ("velocity", -8),
+    "reacting_force": ("force", -8),
+    "rotation": ("stalled", -1),
+    "trajectory": ("drill_tool_sine[", -8),
+    "waveform": ("reacting_force[", -8),
+    "wrench": ("wrench.force.z", -32),
+}
+
+
+def totals(verification):
+    """Return the numbers of equal, different, missing and unexpected messages."""
+    counts = verification.topics.values()
+    return tuple(
+        sum(getattr(count, name) for count in counts)
+        for name in ("equal", "different", "missing", "unexpected")
+    )
+
+
+def test_an_offline_bag_is_proved(bag):
+    verification = verify(bag)
+    assert verification.proved
+    assert (verification.warnings, verification.simulated) == ((), round(DURATION * 1e9))
+    assert set(verification.topics) == {f"/rpud/{name}" for name in PROVED if name not in ON_ARM}
+    held = [m for m in messages_of(bag) if m.topic not in (JOURNAL, "/rpud/status")]
+    assert totals(verification) == (len(held), 0, 0, 0)
+    assert set(verification.lost.values()) == {0}
+
+
+@pytest.mark.parametrize("topic", PROVED)
+def test_one_flipped_bit_is_named(request, tmp_path, topic):
+    bag = request.getfixturevalue("arm" if topic in ON_ARM else "bag")
+    number = 2
+    original = messages_of(bag, {f"/rpud/{topic}"})[number]
+    change = numbered(topic, number, lambda m: [flipped(m.data, FIELDS[topic][1])])
+    verification = verify(altered(bag, tmp_path / "bag", change))
+    difference = verification.first_difference
+    assert totals(verification)[1:] == (1, 0, 0)
+    seconds, rest = struct.unpack_from("<iI", original.data, 4)
+    assert (difference.topic, difference.stamp, difference.log_time) == (
+        f"/rpud/{topic}",
+        seconds * 1_000_000_000 + rest,
+        original.log_time,
+    )
+    assert difference.field.startswith(FIELDS[topic][0])
+    assert difference.recorded != difference.computed
+
+
+def put_in(message):
+    other = bytearray(message.data)
+    struct.pack_into("<I", other, 8, struct.unpack_from("<I", other, 8)[0] + 1)
+    return [message.data, bytes(other)]
+
+
+@pytest.mark.parametrize(
+    ("topic", "change", "unexpected", "field", "recorded"),
+    [
+        ("nodal_plane", lambda m: [flipped(m.data, 8, 3)], 0, "header.stamp.nanosec", ""),
+        ("wrench", lambda m: [m.data[:20]], 0, "", "cannot be understood"),
+        ("nodal_plane", put_in, 1, "", "a message"),
+        ("wrench", lambda m: [m.data, m.data], 1, "", "a message"),
+    ],
+    ids=["stamp", "bytes", "put in", "duplicate"],
+)
+def test_what_is_altered_or_added_is_named(
+    bag, tmp_path, topic, change, unexpected, field, recorded
+):
+    verification = verify(altered(bag, tmp_path / "bag", numbered(topic, 7, change)))
+    assert totals(verification)[1:] == (1 - unexpected, 0, unexpected)
+    difference = verification.first_difference
+    assert (difference.topic, difference.field) == (f"/rpud/{topic}", field)
+    assert recorded in difference.recorded
+    assert (difference.computed is None) == bool(unexpected)
+
+
+def test_padding_between_fields_is_ignored(bag, tmp_path):
+    codec = Codec("rpud_msgs/msg/ReactingForce", find_definition("rpud_msgs/msg/ReactingForce"))
+    original = messages_of(bag, {"/rpud/reacting_force"})[3].data
+    place = len(original) - 9  # the frame's name ends at an odd place, and a double does not
+    assert codec.without_padding(flipped(original, place)) == original
+    change = numbered("reacting_force", 3, lambda m: [flipped(m.data, place)])
+    assert verify(altered(bag, tmp_path / "bag", change)).proved
+
+
+def test_entries_of_the_journal_may_be_there_twice(bag, tmp_path):
+    """As a recorder leaves them that asked the drill for what it had already."""
+
+    def twice(message):
+        return [message.data] * (2 if message.topic == JOURNAL else 1)
+
+    verification = verify(altered(bag, tmp_path / "bag", twice))
+    assert verification.proved
+    assert totals(verification)[1:] == (0, 0, 0)
+
+
+def test_a_start_that_says_the_same_as_the_one_before_is_another_start(bag, tmp_path):
+    # A node that is its own clock, cleaned up and activated again.
+    path = merged(tmp_path / "bag", (bag, 0, "/rpud"), (bag, 10 * SECOND, "/rpud"))
+    once, twice = verify(bag), verify(path)
+    assert twice.proved
+    assert twice.simulated == 2 * once.simulated
+    assert twice.topics["/rpud/wrench"].equal == 2 * once.topics["/rpud/wrench"].equal
+
+
+def test_messages_of_another_run_differ(bag, tmp_path):
+    """They were published while the second run was on, and are of the first one."""
+    second = tmp_path / "second"
+    write_offline_bag(second, preset("drilling"), DURATION, 0.7, (), 12)
+
+    def swapped(message):
+        return [message.data] if message.topic != "/rpud/wrench" else []
+
+    altered(second, tmp_path / "without", swapped)
+    path = merged(tmp_path / "bag", (bag, 0, "/rpud"), (tmp_path / "without", 10 * SECOND, "/rpud"))
+    assert verify(path).total.unexpected == 0
+    with rpud_sim.bag.BagWriter(tmp_path / "mixed") as writer:
+        copied(writer, path)
+        copied(writer, bag, topics={"/rpud/wrench"}, shift=10 * SECOND, delay=1000)
+    found = verify(tmp_path / "mixed")
+    assert found.first_difference.topic == "/rpud/wrench"
+    assert found.topics["/rpud/wrench"].different > 0
+
+
+def test_lost_messages_are_counted_and_the_others_proved(bag, tmp_path):
+    numbers = iter(range(1_000_000))
+    dropped = []
+
+    def lossy(message):
+        lost = message.topic not in (JOURNAL, "/rpud/faults") and next(numbers) % 7 == 3
+        dropped.extend([message] * lost)
+        return [] if lost else [message.data]
+
+    verification = verify(altered(bag, tmp_path / "bag", lossy))
+    assert (verification.first_difference, verification.undecided) == (None, "")
+    total = verification.total
+    assert total.missing > 0
+    assert total.tail > 0
+    assert total.missing + total.tail <= len(dropped)
+    held = [m for m in messages_of(tmp_path / "bag") if m.topic not in (JOURNAL, "/rpud/status")]
+    assert totals(verification)[0] == len(held)
+
+
+def test_a_recording_of_a_part_is_proved(bag, tmp_path):
+    def part(message):
+        inside = 0.1e9 < message.log_time < 0.3e9
+        begun = message.topic == JOURNAL and message.log_time == 0
+        return [message.data] if inside or begun else []
+
+    verification = verify(altered(bag, tmp_path / "bag", part))
+    assert verification.proved
+    assert totals(verification)[2:] == (0, 0)
+    assert verification.topics["/rpud/nodal_plane"].equal == 19
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("float64 energy ", "float32 energy "), ("float64 energy ", "float64 power ")]
+)
+def test_a_type_with_a_field_of_its_own_cannot_be_proved(bag, tmp_path, old, new):
+    definition = find_definition("rpud_msgs/msg/ContactForce").replace(old, new)
+    out = tmp_path / "bag"
+    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(out) as writer:
+        for summary in reader.topics:
+            topic, text = summary.topic, summary.definition
+            if topic.name == "/rpud/contact_force":
+                other = Codec(topic.type, definition)
+                topic, text = dataclasses.replace(topic, type_hash=other.type_hash), definition
+            writer.add_topic(topic, text)
+        for message in reader.messages():
+            writer.write_message(
+                message.topic, message.data, message.log_time, message.publish_time
+            )
+    with pytest.raises(UnverifiableError, match="/rpud/contact_force is of another version of"):
+        verify(out)
+
+
+# --- messages that a bag lacks ------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def longer_bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("longer") / "bag"
+    write_offline_bag(path, preset("drilling"), 4.0, 0.2, (), 11)
+    return path
+
+
+def without(*topics, after, before=10**12):
+    """Return a change that takes the messages of topics between two times of the bag [s]."""
+    names = {f"/rpud/{topic}" for topic in topics}
+
+    def change(message):
+        inside = after <= message.log_time / 1e9 <= before
+        return [] if message.topic in names and inside else [message.data]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "kept", [PROVED, ("contact_force",), ("contact_force", "nodal_plane")], ids=len
+)
+def test_impacts_that_are_missing_at_the_end_are_counted(longer_bag, tmp_path, kept):
+    impacts = messages_of(longer_bag, {"/rpud/contact_force"})
+    topics = {JOURNAL, "/rpud/status", *(f"/rpud/{name}" for name in kept)}
+    change = without("contact_force", after=2.0)
+    verification = verify(altered(longer_bag, tmp_path / "bag", change, topics))
+    assert not verification.proved
+    assert (verification.first_difference, verification.undecided) == (None, "")
+    counts = verification.topics["/rpud/contact_force"]
+    assert (counts.tail, counts.missing) == (sum(m.log_time > 2e9 for m in impacts), 0)
+    assert verification.total.tail == counts.tail
+
+
+def test_other_topics_show_that_messages_are_missing_at_the_end(longer_bag, tmp_path):
+    """As a recorder leaves it that is closed while the drill goes on."""
+    impacts = messages_of(longer_bag, {"/rpud/contact_force"})
+    ends = {JOURNAL: 0, "/rpud/contact_force": 1e9, "/rpud/nodal_plane": 4e9}
+
+    def change(message):
+        return [message.data] if message.log_time <= ends[message.topic] else []
+
+    verification = verify(altered(longer_bag, tmp_path / "bag", change, {*ends}))
+    assert not verification.proved
+    # The last second shows nothing: a closed recorder leaves messages behind.
+    expected = sum(1e9 < m.log_time < 2.97e9 for m in impacts)
+    assert expected <= verification.total.tail <= expected + 10
+
+
+def test_a_topic_without_a_message_is_missing_too(longer_bag, tmp_path):
+    change = without("contact_force", after=0.0)
+    verification = verify(altered(longer_bag, tmp_path / "bag", change))
+    assert not verification.proved
+    assert verification.topics["/rpud/contact_force"].tail > 900
+
+
+def test_messages_under_way_when_a_recorder_is_closed_are_not_missing(longer_bag, tmp_path):
+    """Each topic ends a little before the other, and the drill goes on."""
+    names = [name for name in (*PROVED, "status") if name not in ON_ARM]
+    ends = {f"/rpud/{name}": 3.5 - 0.03 * i for i, name in enumerate(names)}
+
+    def change(message):
+        return [message.data] if message.log_time / 1e9 < ends.get(message.topic, 0.1) else []
+
+    verification = verify(altered(longer_bag, tmp_path / "bag", change))
+    assert verification.proved
+
+
+def test_a_topic_that_falls_silent_and_returns_is_missing_in_between(longer_bag, tmp_path):
+    change = without("contact_force", after=1.0, before=3.0)
+    verification = verify(altered(longer_bag, tmp_path / "bag", change))
+    assert verification.proved
+    assert verification.topics["/rpud/contact_force"].missing > 700
+
+
+# --- a drill that gets a command in each block, as from a controller of an arm -------------------
+
+HELD = ("journal", "status", "faults", "wrench", "contact_force", "waveform")
+
+
+def streamed_bag(path, rate, duration, start, silent=()):
+    """Record a drill whose weight on bit is a ramp, from a start on [s].
+
+    The recorder asks the drill for the entries before. Silent topics have no message.
+    """
+    changes = [
+        Change(round(number * SECOND / rate), WeightOnBit(10.0 + number / 1000.0))
+        for number in range(1, round(duration * rate))
+    ]
+    changes.insert(0, Change(0, Inject(Fault("lost_preload", magnitude=0.1))))
+    plan = Plan(Beginning(Settings(telemetry_rate=rate)), tuple(changes))
+    run = Run(plan, Journal(), HELD.__contains__)
+    run.begin(0)
+    codecs = {name: installed_codec(TOPICS[name].type) for name in HELD}
+    begun = round(start * SECOND)
+    with rpud_sim.bag.BagWriter(path) as bag:
+        for name in HELD:
+            topic = rpud_sim.bag.Topic(f"/rpud/{name}", TOPICS[name].type)
+            bag.add_topic(topic, find_definition(topic.type))
+        for name in silent:
+            bag.add_topic(rpud_sim.bag.Topic(f"/rpud/{name}", "rpud_msgs/msg/WeightOnBit"))
+
+        def write(batches):
+            for time, name, values in rows_of(batches):
+                if name in HELD and (time >= begun or name == "journal"):
+                    bag.write_message(
+                        f"/rpud/{name}", codecs[name].encode(values), max(time, begun), time
+                    )
+
+        for second in range(math.ceil(duration) + 1):
+            write(run.advance_to(min(second * SECOND, round(duration * SECOND))))
+            if run.time == second * SECOND:
+                write([run.status("running", Bookkeeping(commands_accepted=second * rate))])
+    return path
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    return streamed_bag(tmp_path_factory.mktemp("late") / "bag", 400, 4.2, 3.0)
+
+
+def test_a_recorder_that_came_late_and_has_the_whole_journal_proves_its_bag(late):
+    verification = verify(late)
+    assert verification.proved
+    assert (verification.begins, verification.total.before) == (None, 0)
+    assert verification.topics["/rpud/wrench"].equal == 481
+
+
+def test_commands_that_the_drill_took_and_the_bag_lacks_are_a_warning(tmp_path, late):
+    topics = ("command/weight_on_bit", "command/drive", "command/feed")
+    verification = verify(streamed_bag(tmp_path / "bag", 100, 3.1, 0.0, topics))
+    assert verification.proved
+    lacking = "the drill took 300 commands from the first to the last status, and the bag holds 0"
+    assert lacking in verification.warnings
+    assert not any("commands" in text for text in verify(late).warnings)  # none were to be recorded
+
+
+def without_last_entries(bag, out, count, change=lambda message: [message.data]):
+    entries = len(messages_of(bag, {JOURNAL}))
+    numbers = iter(range(1_000_000))
+
+    def cut(message):
+        lost = message.topic == JOURNAL and next(numbers) >= entries - count
+        return [] if lost else change(message)
+
+    return altered(bag, out, cut)
+
+
+@pytest.mark.parametrize("count", [2, 120])  # a status counts them, or not
+def test_a_journal_that_ends_early_is_no_difference(late, tmp_path, capsys, count):
+    verification = verify(without_last_entries(late, tmp_path / "bag", count))
+    assert verification.first_difference is None
+    assert verification.undecided.startswith("the journal ends early")
+    code, output, _ = called(capsys, "verify", tmp_path / "bag")
+    assert code == 1
+    assert "not decided: the journal ends early" in output
+
+
+def test_a_flipped_bit_before_an_early_end_is_a_difference(late, tmp_path):
+    change = numbered("wrench", 5, lambda m: [flipped(m.data, 60)])
+    verification = verify(without_last_entries(late, tmp_path / "bag", 120, change))
+    assert verification.first_difference.topic == "/rpud/wrench"
+
+
+# --- what changes a proof, and what does not ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("edit", "proved"),
+    [
+        (lambda content: content.update(made_by={"rpud_sim": "0.0.1", "numpy": "0.0.1"}), True),
+        (lambda content: raised(content["parameters"], "load_spring_rate"), False),
+    ],
+    ids=["other libraries of the same engine", "another parameter"],
+)
+def test_the_engine_and_the_beginning_alone_decide(bag, tmp_path, edit, proved):
+    change = edited(lambda fields, content: fields["kind"] == "begin" and edit(content))
+    verification = verify(altered(bag, tmp_path / "bag", change))
+    assert (verification.proved, verification.warnings) == (proved, ())
+
+
+def raised(parameters, name):
+    parameters[name] *= 1.0 + 2.0**-52
+
+
+def test_a_shifted_origin_is_a_difference(bag, tmp_path):
+    change = edited(lambda fields, content: content.update(origin=1) if "origin" in content else 0)
+    assert verify(altered(bag, tmp_path / "bag", change)).first_difference is not None

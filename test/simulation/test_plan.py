@@ -1,0 +1,156 @@
+"""Plans: beginnings, changes in order of time, and both out of a journal."""
+
+import dataclasses
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.foundation.time import NEVER
+from rpud_sim.simulation.changes import (
+    Change,
+    ChangeError,
+    Clear,
+    Configure,
+    Flush,
+    Inject,
+    PlannedChanges,
+    Schedule,
+    SetOrigin,
+    Stop,
+    action_of,
+    journal_form,
+    parameter_changes,
+)
+from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
+
+FAULTS = (
+    Change(12_345_678, Inject(Fault("lost_preload", "", 0.5), 30_000_000)),
+    Change(20_000_000, Inject(Fault("noise", "wrench"))),
+)
+
+
+def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
+    assert initial_phases(1, None) == (0.0,) != initial_phases(1, 7)
+    assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
+    assert initial_phases(5, 7) != initial_phases(5, 8)
+    assert initial_phases(5, None) == initial_phases(5, 0)
+    assert all(0.0 <= phase < 1.0 for phase in initial_phases(1000, 1))
+
+
+def test_the_seed_of_the_settings_holds_unless_another_is_given():
+    settings = to_settings({"seed": 4})
+    assert Beginning.drawn(settings) == Beginning.drawn(settings, 4)
+    assert Beginning.drawn(settings, 9) == Beginning(settings, initial_phases(1, 9)[0], 9)
+    assert Beginning.drawn(to_settings({})).initial_phase == 0.0
+
+
+@given(
+    st.integers(1, 2**32 - 1),
+    st.dictionaries(st.sampled_from(["weight_on_bit", "gravity"]), st.floats(0.1, 9.0)),
+)
+def test_a_beginning_is_read_back_from_its_journal(seed, values):
+    beginning = dataclasses.replace(Beginning.drawn(to_settings(values), seed), faults=FAULTS)
+    content = json.loads(json.dumps(beginning.to_journal()))
+    assert Beginning.from_journal(content) == beginning
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        WeightOnBit(3.0),
+        Drive(True, 80.0, 16e3),
+        Feed("rate", 1e-3),
+        Inject(Fault("noise", "wrench"), 5),
+        Clear(3, "noise", "wrench"),
+        Clear(),
+        Configure({"gravity": 1.62, "regime": "free"}),
+        SetOrigin(7),
+        Stop(),
+        Flush(),
+        Flush(ends=True),
+    ],
+)
+def test_an_action_is_read_back_from_its_entry(action):
+    kind, content = journal_form(action)
+    assert action_of(kind, json.loads(json.dumps(content))) == action
+
+
+BEGIN = Beginning(to_settings({"regime": "free"})).to_journal()
+
+
+@pytest.mark.parametrize(
+    ("kind", "time", "content", "reason"),
+    [
+        ("explode", 5, {}, "there is no such kind"),
+        ("stop", 4, {}, "before that of the one before it"),
+        ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
+        ("weight_on_bit", 5, {}, "KeyError"),
+        ("begin", 5, BEGIN, "there is no such kind"),
+    ],
+)
+def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
+    entries = [JournalEntry(0, 0, "begin", BEGIN), JournalEntry(1, 5, "stop", {})]
+    assert Plan.of(entries).changes == (Change(5, Stop()),)
+    with pytest.raises(ChangeError, match=rf"^journal entry 2 \({kind}\) cannot be done: .*") as e:
+        Plan.of([*entries, JournalEntry(2, time, kind, content)])
+    assert reason in str(e.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({"parameters": {}}, "KeyError"),
+        ({**BEGIN, "parameters": {"telemetry_rate": 0}}, "telemetry_rate = 0"),
+        ({**BEGIN, "faults": [{"kind": "noise"}]}, "KeyError"),
+    ],
+)
+def test_a_beginning_that_cannot_be_is_named(content, reason):
+    with pytest.raises(ChangeError, match=rf"^journal entry 0 \(begin\) .*{reason}"):
+        Plan.of([JournalEntry(0, 0, "begin", content)])
+
+
+def test_a_journal_without_a_beginning_is_no_plan():
+    for entries in ([], [JournalEntry(0, 0, "stop", {})]):
+        with pytest.raises(ChangeError, match="nothing has begun"):
+            Plan.of(entries)
+
+
+def test_a_schedule_is_in_order_of_time_and_the_ends_of_faults_come_first():
+    one, other, end, late = (Change(t, WeightOnBit(n)) for n, t in enumerate((5, 5, 5, 9)))
+    schedule = Schedule([late, one, other])
+    schedule.add(end, first=True)
+    assert schedule.next == 5
+    assert [*schedule.due(8)] == [end, one, other]
+    assert ([*schedule.due(9)], schedule.next) == ([late], NEVER)
+
+
+def test_of_two_sets_of_changes_the_later_comes_last():
+    one = parameter_changes({"gravity": 1.62, "weight_on_bit": 12.0})
+    other = PlannedChanges((Change(0, Configure({"gravity": 3.7})),), replaces_commands=True)
+    both = one + other
+    assert both.changes == (*one.changes, *other.changes)
+    assert both.parameters == {"gravity": 3.7}
+    assert both.replaces_commands
+    assert not both.empty
+    assert PlannedChanges().empty
+
+
+def test_origins_of_which_nothing_was_published_leave_one_entry():
+    journal = Journal()
+    for time, origin in ((0, 1), (0, 2), (5, 3)):
+        journal.record(time, *journal_form(SetOrigin(origin)))
+    entries = journal.drain()
+    assert [(e.sequence, e.content["origin"]) for e in entries] == [(0, 2), (1, 3)]
+    assert journal.drain() == []
+
+
+def test_a_drive_may_leave_values_as_they_are():
+    before = Drive(True, 80.0, 16_050.0)
+    assert DriveChange(False).on(before) == Drive(False, 80.0, 16_050.0)
+    assert DriveChange(True, frequency=16e3).on(before) == Drive(True, 80.0, 16e3)
