@@ -56,7 +56,7 @@ def _run(options: Any) -> int:
 
 
 def _watch_bag(options: Any, bag: str) -> ExitCode:
-    from rpud_sim.viewer.recorded_store import serve_bag
+    from rpud_sim.viewer.recorded import serve_bag
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer) -> None:

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
-
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, number_text, shown
-from rpud_sim.ros.client.listening_node import DrillFinder
-from rpud_sim.ros.process import StartError
-from rpud_sim.viewer.heard import Block, Heard
-from rpud_sim.viewer.live_drill import LiveDrill
-from rpud_sim.viewer.picture import MOTION, SECTION, chosen_quantities, drill_plots
+from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.ros.starting import StartError
+from rpud_sim.viewer.frames import ClientState, Store, StoreError
+from rpud_sim.viewer.live_drill import LiveDrill, LiveHistory
 from rpud_sim.viewer.server import PageServer, Place
-from rpud_sim.viewer.session import ClientState, Store, StoreError
 
 MOST_DRILLS = 16  # that are heard; for a further one, one that has gone is forgotten
 
 _GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
-_MOST_SAMPLES = 1200  # of a section
-_SHARE = 100.0  # a view may take one part of so many of the time
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
 
 
@@ -84,18 +79,15 @@ class LiveStore(Store):
             drill.close()
         self.heard.clear()
 
-    def frame(self, client: ClientState) -> dict[str, Any] | None:
-        """Return what has changed."""
+    @contextmanager
+    def shown(self, client: ClientState) -> Iterator[tuple[LiveHistory, Mapping[str, Any]]]:
         if time.monotonic() - self._looked >= _LOOK_PERIOD:
             self._look()
         drill = self._heard(client)
         if drill.error:
             raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
-        with drill.reading() as heard:
-            if client.sent.get("run", (None,))[0] != heard.run:
-                client.sent.clear()
-                client.section = True
-            return self._state(drill, heard, client) | measured(heard, client) or None
+        with drill.reading() as history:
+            yield history, self._state(drill, history)
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Queue an action."""
@@ -113,11 +105,10 @@ class LiveStore(Store):
         self._namespaces = self.finder.drills()
         return self._namespaces
 
-    def _state(self, drill: LiveDrill, heard: Heard, client: ClientState) -> dict[str, Any]:
-        """Return what has changed of a drill's state."""
-        plain = {
-            "run": heard.run,
-            "growing": True,
+    def _state(self, drill: LiveDrill, history: LiveHistory) -> dict[str, Any]:
+        status, since = history.status, history.since
+        state = {
+            "run": history.run,
             "drills": sorted({*self._namespaces, drill.namespace}),
             "drill": drill.namespace,
             "connection": drill.connection,
@@ -125,81 +116,19 @@ class LiveStore(Store):
             "channels": drill.channels,
             "losses": drill.lost,
             "outcomes": drill.actions.outcomes,
-            "status": heard.status,
-            "faults": heard.faults,
-        }
-        if heard.time is not None:
-            plain |= {"now": heard.time, "extent": [0.0, heard.time]}
-        if heard.since is not None:
-            plain["gaps"] = [[0.0, heard.since]] if heard.since > _GAP else []
-        frame = {name: value for name, value in plain.items() if client.is_due(name, value)}
-        if "status" in frame:
-            frame["timing"] = {
-                label: QUANTITIES["lateness"].text(heard.status[name])
+            "status": status,
+            "timing": {
+                label: QUANTITIES["lateness"].text(status[name])
                 if name in ("lateness_max", "lag")
-                else number_text(float(heard.status[name]))
+                else number_text(float(status[name]))
                 for label, name in _TIMING.items()
-                if name in heard.status
-            }
-        return frame
-
-
-def measured(heard: Heard, client: ClientState) -> dict[str, Any]:
-    """Return what is new for a browser: commands, plots, numbers and motion."""
-    sent, due, view, found = client.sent, client.is_due, client.view, dict[str, Any]()
-    now = heard.time or 0.0
-    start, end = (view.start, view.end) if view.follow is None else (now - view.follow, now)
-    if due("values", heard.version, 0.5):
-        found["values"] = heard.values
-    if due("log", heard.log_version, 0.5):
-        found |= heard.commands.frame(heard.faults)
-    stepped = [name for name in heard.commands.quantities if heard.is_stepped(name)]
-    if due("steps", (heard.log_version, view, stepped), 0.5):
-        # An entry of the journal may come before the messages of its time.
-        last = math.inf if view.follow else end
-        steps = heard.commands.steps(start, last, view.width)
-        found["steps"] = {name: steps[name] for name in stepped}
-    if heard.time is None:
-        return found
-    # By what was heard, not by its time: a message that arrives late is shown too.
-    if due("has", heard.version, 1.0):
-        plots = drill_plots(heard.has)
-        if due("plots", plots):
-            found["plots"] = plots
-    if due("numbers", heard.version, 0.2):
-        found["numbers"] = heard.picture().numbers(now)
-    if due("whole", heard.version, 1.0):
-        whole = heard.picture(0.0)
-        found["timeline"] = whole.line("peak_force", 0.0, now)
-        found["hole"] = whole.hole(now, heard.commands.parameters)
-    block = heard.block
-    if client.section and block is not None and due("section", (block[0], heard.impacts.total)):
-        found["section"] = _section(heard, block)
-    if due("asked", (view, client.choices, sent["plots"][0])):
-        sent["view"] = None, -math.inf
-    if due("view", heard.version, sent.get("cost", 0.0) * _SHARE):
-        began = time.thread_time()
-        chosen = chosen_quantities(sent["plots"][0], client.choices)
-        kinds = {name: kind for name, kind in chosen.items() if not heard.is_stepped(name)}
-        found["view"] = heard.picture(start).view(start, end, view.width, kinds)
-        sent["cost"] = time.thread_time() - began
-    return found
-
-
-def _section(heard: Heard, block: Block) -> dict[str, Any]:
-    """Return the end of a block."""
-    begin, period, arrays = block
-    length = len(arrays[0])
-    first = max(0, length - max(2, round(SECTION / period)))
-    stride = -(-(length - first) // _MOST_SAMPLES)
-    time, end = begin + first * period, begin + length * period
-    samples = {
-        name: array[first::stride].astype(np.float32)
-        for name, array in zip(MOTION, arrays, strict=False)
-    }
-    impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
-    own = {"time": time, "period": period * stride, "impacts": impacts}
-    return {**samples, **own}
+                if name in status
+            },
+        }
+        if history.time is not None:
+            state |= {"now": history.time, "extent": [0.0, history.time]}
+            state["gaps"] = [[0.0, since]] if since > _GAP else []
+        return state
 
 
 def serve_drills(
