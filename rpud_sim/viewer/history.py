@@ -96,6 +96,8 @@ class History:
     first; the drills of a bag share them.
     """
 
+    log_version = 0  # grows with commands and faults
+    _changes = 0  # grows with the messages
     most = math.inf  # impacts of a range whose quantiles are computed; more have extremes
     known = math.inf  # time up to which no value is missing; only samples beyond it [s]
     samples = 0.0  # beyond it [1/s]
@@ -110,8 +112,8 @@ class History:
     def clear(self, bins: Iterable[Bins]) -> None:
         """Forget everything: another run begins."""
         self.bins = tuple(bins)
-        self._changes = 1  # grows with the messages
-        self.log_version = 1  # grows with commands and faults
+        self._changes += 1
+        self.log_version += 1
         self.since = 0.0  # time from which on there are messages [s]
         self.time: float | None = None  # latest [s]
         self.impacts = Impacts()

@@ -349,6 +349,7 @@ class RecordedStore(Store):
         """Read the whole bag."""
         while self.reading.read_next():
             pass
+        self._more = False
         self._draw()
 
     def __enter__(self) -> RecordedStore:

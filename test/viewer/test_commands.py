@@ -35,7 +35,6 @@ def test_entries_are_told_in_words():
         (7.0, "configure", {"parameters": {**BEGIN["parameters"], "rock_model": "energy"}}),
         (8.0, "inject", {"fault": FAULT, "duration": 0}),
         (9.0, "flush", {}),
-        (10.0, "save", {"name": "here"}),
         (11.0, "end", {}),
     ):
         commands.add(time, kind, content)
@@ -49,11 +48,10 @@ def test_entries_are_told_in_words():
         "feed to 20 mm",
         "parameters: rock_model energy",
         "noise of wrench 0.3 begins",
-        "checkpoint here is saved",
         "the drill stops",
     ]
     kinds = [entry["kind"] for entry in commands.frame()["log"]]
-    assert kinds == ["run", *["command"] * 7, "fault", "run", "run"]
+    assert kinds == ["run", *["command"] * 7, "fault", "run"]
 
 
 def test_a_command_that_changes_nothing_is_not_told():

@@ -17,8 +17,8 @@ from rpud_sim.bag.metadata import VERDICT_RECORD, RunVerdict
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
-from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.changes import Change
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.viewer.report import write_report
