@@ -19,7 +19,7 @@ import numpy as np
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
-from rpud_sim.ros.client.telemetry import FIELDS, FastTopics
+from rpud_sim.ros.client.topics import FIELDS, FastTopics
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins

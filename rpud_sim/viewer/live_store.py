@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, number_text, shown
-from rpud_sim.ros.client.drill_finder import DrillFinder
-from rpud_sim.ros.starting import StartError
+from rpud_sim.ros.client.listening_node import DrillFinder
+from rpud_sim.ros.process import StartError
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
 from rpud_sim.viewer.live_drill import LiveDrill, LiveHistory
 from rpud_sim.viewer.server import PageServer, Place

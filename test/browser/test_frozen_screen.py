@@ -14,10 +14,10 @@ from browser.screens import (
     until_screen,
     view_of,
 )
-
-from rpud_sim.foundation.quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.picture import drill_plots
 from rpud_sim.viewer.session import encode
+
+from rpud_sim.foundation.quantities import QUANTITIES, for_browser
 
 pytestmark = pytest.mark.extended
 

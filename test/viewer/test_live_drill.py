@@ -9,7 +9,7 @@ from support import until
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
 from rpud_sim.ros.client import DrillClient, NoAnswerError
-from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.viewer.frames import ClientState, StoreError
 from rpud_sim.viewer.live_drill import LiveDrill, LiveHistory
 from rpud_sim.viewer.live_store import LiveStore

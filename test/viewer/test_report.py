@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rpud_sim.simulation.plans import Planned
 from viewer.frame_reader import decode
 from viewer.recorded_bags import rewritten
 
