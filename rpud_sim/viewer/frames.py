@@ -147,11 +147,9 @@ class Store:
 
     def open(self, client: ClientState) -> None:
         """Note one more browser; StoreError if there is nothing to show."""
-        raise NotImplementedError
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""
-        raise NotImplementedError
 
     def shown(
         self, client: ClientState

@@ -93,9 +93,8 @@ class TopicReader:
 
 def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:
     """Return the readers of topics by their names, and the reasons why others have none."""
-    left_out = {**bag.damages, **bag.left_out}
+    left_out, left = {**bag.damages, **bag.left_out}, MOST_SIGNALS
     readers: dict[str, TopicReader] = {}
-    left = MOST_SIGNALS
     for summary in sorted(bag.readable_topics, key=lambda s: not s.topic.type.startswith(OURS)):
         name = summary.topic.name
         if name in left_out or not summary.message_count:
@@ -313,15 +312,15 @@ class RecordedBag:
 class Reading:
     """Reading of a bag into the histories of its drills.
 
-    At first it has a sample. ``look`` reads chunks anywhere in the bag, ``read_next`` one after the
-    other.
+    At first it has a sample. ``look`` reads chunks anywhere in the bag, ``read_next`` the others.
     """
 
     def __init__(self, recording: RecordedBag, histories: Mapping[str, History]) -> None:
         self._recording, self._histories = recording, histories
-        self.read = 0  # chunks that were read in their order
-        self._until = 0.0  # time up to which they reach [s]
-        self._sampled: set[int] = set()  # chunks beyond them that were read
+        self._read: set[int] = set()  # numbers of chunks
+        self._next = iter(range(len(recording.chunks)))
+        self._until = 0.0  # time up to which all chunks were read [s]
+        self._seen = 0.0  # latest time of what was read [s]
         self.unlisted = 0  # messages of faults beyond ``MOST_FAULTS``
         last = recording.rows(len(recording.chunks) - 1) if recording.chunks else {}
         expected = max(recording.bag.duration / SECOND, 1e-3)
@@ -332,46 +331,33 @@ class Reading:
         for history in histories.values():
             history.clear([self.bins])
             history.time = expected
-        self._seen = 0.0
         self._add_entries()
         self._add_faults()
         self.look(recording.sample)
 
     @property
     def complete(self) -> bool:
-        return self.read >= len(self._recording.chunks)
+        return len(self._read) == len(self._recording.chunks)
 
     @property
     def share(self) -> float:
         """Part of the bag that was read, from 0 to 1; 1 only if all of it was."""
-        if self.complete:
-            return 1.0
-        ahead = sum(1 for number in self._sampled if number >= self.read)
-        return min((self.read + ahead) / len(self._recording.chunks), 0.999)
+        chunks = len(self._recording.chunks)
+        return 1.0 if self.complete else min(len(self._read) / chunks, 0.999)
 
     def look(self, numbers: Iterable[int]) -> None:
         """Read these chunks now, if they were not read yet."""
-        if not self.complete:
-            for number in {*numbers} - self._sampled:
-                if number >= self.read:
-                    self._add(self._recording.rows(number))
-                    self._sampled.add(number)
-        self._tell()
+        for number in [] if self.complete else {*numbers} - self._read:
+            self._add([number], self._recording.rows(number))
 
     def read_next(self) -> bool:
         """Read the next few chunks; return whether there were any."""
-        if self.complete:
-            return False
-        recording, numbers = self._recording, self._next()
-        if self.read in self._sampled:
-            found = recording.rows(self.read)
-        else:
-            found = recording.rows_of(numbers)
-            self._add(found)
-        self._until = max(self._until, self._end_of(found))
-        self.read += len(numbers)
-        self._tell()
-        return True
+        left = (number for number in self._next if number not in self._read)
+        if numbers := [*itertools.islice(left, _TOGETHER)]:
+            found = self._recording.rows_of(numbers)
+            self._until = max(self._until, self._end_of(found))
+            self._add(numbers, found)
+        return bool(numbers)
 
     def gaps(self) -> list[tuple[float, float]]:
         """Return where no signal has messages for much longer than usual, from and to [s].
@@ -388,28 +374,20 @@ class Reading:
             for place in np.flatnonzero(steps > longest)
         ]
 
-    def _next(self) -> list[int]:
-        """Return the chunks that are read together: a sampled one alone, others until the next."""
-        if self.read in self._sampled:
-            return [self.read]
-        rest = range(self.read, min(self.read + _TOGETHER, len(self._recording.chunks)))
-        return [*itertools.takewhile(lambda number: number not in self._sampled, rest)]
-
-    def _add(self, found: Mapping[str, Rows]) -> None:
+    def _add(self, numbers: Iterable[int], found: Mapping[str, Rows]) -> None:
         """Add the rows of chunks."""
+        recording = self._recording
         for topic, rows in found.items():
             if len(rows.stamps):
-                times = self._recording.times(topic, rows)
+                times = recording.times(topic, rows)
                 self._seen = max(self._seen, float(times.max()) / SECOND)
                 self._histories[namespace(topic)].add(Batch(topic, times, rows.values))
-
-    def _tell(self) -> None:
-        """Tell the histories how much was read."""
-        chunks, known = len(self._recording.chunks), math.inf if self.complete else self._until
+        self._read.update(numbers)
         for history in self._histories.values():
             history.time = self._seen or history.time
-            history.known = known
-            history.samples = min(SAMPLED, chunks) / max(history.time or 0.0, 1e-9)
+            history.known = math.inf if self.complete else self._until
+            sampled = min(SAMPLED, len(recording.chunks))
+            history.samples = sampled / max(history.time or 0.0, 1e-9)
 
     def _end_of(self, found: Mapping[str, Rows]) -> float:
         """Return the greatest time of some rows [s]; 0 without any."""

@@ -11,7 +11,7 @@ import logging
 import secrets
 import signal
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -46,9 +46,6 @@ _MOST_WIDTH = 4000  # px
 _MOST_NAME = 256  # characters
 _MOST_CHOICES = 32
 _GREATEST = 1e12  # number that a page sends: the difference of any two can be divided finely
-
-# Calls a function in the one thread in which stores work.
-Work = Callable[..., Awaitable[Any]]
 
 _HEADERS = {  # of every answer; no page of another site may show this one, and catch its clicks
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -234,9 +231,13 @@ class _Shared(_Guarded, web.StaticFileHandler):
 
 
 class _Frames(_Guarded, WebSocketHandler):
-    """WebSocket of one browser."""
+    """WebSocket of one browser: its requests, and its frames.
 
-    _session: Session | None = None
+    A frame is sent when the one before was acknowledged, so that a slow browser gets fewer, and
+    delays nobody.
+    """
+
+    _task: asyncio.Task[None] | None = None  # none if there are too many pages
 
     def check_origin(self, origin: str) -> bool:
         return True  # the guard has checked it
@@ -246,97 +247,74 @@ class _Frames(_Guarded, WebSocketHandler):
             self.close(_TOO_MANY, f"{_MOST_PAGES} pages are open already")
             return
         self.server.pages += 1
-        drill = self.get_query_argument("namespace", "")
-        self._session = Session(self.server.store, self.server.work, self._send, drill)
-        self._task = asyncio.create_task(self._run(self._session))
+        self._client = ClientState(self.get_query_argument("namespace", ""))
+        # What the first frame has besides.
+        self._first: dict[str, Any] = {"mode": self.server.store.mode, "quantities": for_browser()}
+        self._number = 0  # of the last frame
+        self._acknowledged = asyncio.Event()
+        self._refused = (0, "")  # number of refusals, and the reason of the last one
+        self._task = asyncio.create_task(self._run())
         self._task.add_done_callback(self._end)  # also of one that is cancelled before it begins
 
-    async def _run(self, session: Session) -> None:
+    async def _run(self) -> None:
         with suppress(WebSocketClosedError):
-            await session.run()
+            try:
+                await self._send_frames()
+            except StoreError as error:
+                await self._send({**self._first, "error": str(error)})
+            except WebSocketClosedError:
+                raise
+            except Exception as error:
+                failed = f"the server has failed: {_one_line(error)}"
+                await self._send({**self._first, "error": failed})
+                raise
+
+    async def _send_frames(self) -> None:
+        work, clock, refused = self.server.work, asyncio.get_running_loop().time, 0
+        await work(self.server.store.open, self._client)
+        while True:
+            due = clock() + PERIOD
+            frame = {**self._first, **await work(self._fields)}
+            if refused != self._refused[0]:
+                frame["refused"], refused = self._refused, self._refused[0]
+            if frame:
+                self._first = {}
+                self._acknowledged.clear()
+                await self._send(frame)
+                await self._acknowledged.wait()
+            await asyncio.sleep(due - clock())
+
+    def _fields(self) -> dict[str, Any]:
+        fields = self.server.store.frame(self._client) or {}
+        if "section" in fields:
+            self._client.section = False
+        return fields
+
+    async def _send(self, frame: dict[str, Any]) -> None:
+        self._number += 1
+        await self.write_message(encode({"number": self._number, **frame}), binary=True)
 
     def _end(self, _: asyncio.Task[None]) -> None:
         self.server.pages -= 1
         self.close(_FAILED, "there are no more frames")
 
-    async def _send(self, frame: bytes) -> None:
-        await self.write_message(frame, binary=True)
-
-    async def on_message(self, message: str | bytes) -> None:
-        try:
-            if self._session is not None:
-                await self._session.hear(message)
-        except RequestError as error:
-            self.close(_WRONG_REQUEST, str(error)[:100])
-
     def on_close(self) -> None:
-        if self._session is not None:
+        if self._task is not None:
             self._task.cancel()
 
-
-class RequestError(ValueError):
-    """Request that no page of this program sends; the text says what is wrong."""
-
-
-class Session:
-    """Frames for one browser, and its requests.
-
-    A frame is sent when the one before was acknowledged, so that a slow browser gets fewer, and
-    delays nobody.
-    """
-
-    def __init__(
-        self, store: Store, work: Work, send: Callable[[bytes], Awaitable[object]], drill: str
-    ) -> None:
-        self._store = store
-        self._work = work
-        self._send = send
-        self._client = ClientState(drill=drill)
-        self._number = 0
-        self._acknowledged = asyncio.Event()
-        self._refused = (0, "")
-
-    async def run(self) -> None:
-        """Send frames until the browser has gone, or there is nothing more to send."""
-        first: dict[str, Any] = {"mode": self._store.mode, "quantities": for_browser()}
-        refused = 0
-        clock = asyncio.get_running_loop().time
-        try:
-            await self._work(self._store.open, self._client)
-            while True:
-                due = clock() + PERIOD
-                frame = {**first, **await self._work(self._fields)}
-                if refused != self._refused[0]:
-                    frame["refused"], refused = self._refused, self._refused[0]
-                if frame:
-                    first = {}
-                    await self._deliver(frame)
-                await asyncio.sleep(due - clock())
-        except StoreError as error:
-            await self._deliver({**first, "error": str(error)})
-        except Exception as error:
-            await self._deliver({**first, "error": f"the server has failed: {_one_line(error)}"})
-            raise
-
-    def _fields(self) -> dict[str, Any]:
-        fields = self._store.frame(self._client) or {}
-        if "section" in fields:
-            self._client.section = False
-        return fields
-
-    # Requests
-
-    async def hear(self, message: str | bytes) -> None:
-        """Do what a browser asks; RequestError for what no page sends."""
+    async def on_message(self, message: str | bytes) -> None:
+        if self._task is None:
+            return
         try:
             await self._do(json.loads(message))
         except (ParameterError, StoreError) as error:
             self._refused = self._refused[0] + 1, str(error)
         except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
-            raise RequestError(f"wrong request: {_one_line(error)}") from None
+            self.close(_WRONG_REQUEST, f"wrong request: {_one_line(error)}"[:100])
 
     async def _do(self, asked: Any) -> None:
-        client = self._client
+        """Do what a browser asks; what no page of this program sends is an error."""
+        client, request = self._client, self.server.store.request
         match next(iter(asked), None):
             case "ack":
                 if asked["ack"] == self._number:
@@ -354,23 +332,15 @@ class Session:
                 if asked["seek"] not in ("next", "previous"):
                     raise ValueError("seek")
                 content = {"to": asked["seek"], "from": _number(asked["from"])}
-                await self._work(self._store.request, client, "seek", content)
+                await self.server.work(request, client, "seek", content)
             case "act":
                 arguments = asked.get("arguments", {})
                 if not isinstance(arguments, dict):
                     raise ValueError("arguments")
                 content = {"name": _text(asked["act"]), "arguments": arguments}
-                await self._work(self._store.request, client, "act", content)
+                await self.server.work(request, client, "act", content)
             case name:
                 raise ValueError(name)
-
-    async def _deliver(self, frame: dict[str, Any]) -> None:
-        """Send a frame and wait until it has been shown."""
-        self._number += 1
-        self._acknowledged.clear()
-        await self._send(encode({"number": self._number, **frame}))
-        if "error" not in frame:
-            await self._acknowledged.wait()
 
 
 def _view(asked: dict[str, Any]) -> View:

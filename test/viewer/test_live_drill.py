@@ -11,8 +11,8 @@ from viewer.screen_client import ClosedError, ScreenClient, serving
 from rpud_sim.ros.client import DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.viewer.frames import ClientState, StoreError
-from rpud_sim.viewer.live_drill import LiveDrill, LiveHistory
-from rpud_sim.viewer.live_store import LiveStore
+from rpud_sim.viewer.live_history import LiveHistory
+from rpud_sim.viewer.live import LiveDrill, LiveStore
 
 NAMESPACE = "/live_drill"
 
@@ -186,7 +186,7 @@ def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
 
 
 def test_pages_share_one_drill_and_one_that_has_gone_leaves_its_place(drill, monkeypatch):
-    monkeypatch.setattr("rpud_sim.viewer.live_store.MOST_DRILLS", 1)
+    monkeypatch.setattr("rpud_sim.viewer.live.MOST_DRILLS", 1)
     with DrillFinder() as finder:
         store = LiveStore(finder, NAMESPACE)
         try:

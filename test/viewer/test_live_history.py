@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from rpud_msgs.msg import Fault, Faults, JournalEntry, Status
 
 from rpud_sim.viewer.frames import ClientState, measured
-from rpud_sim.viewer.live_drill import BIN, LiveHistory
+from rpud_sim.viewer.live_history import BIN, LiveHistory
 
 SECOND = 1_000_000_000
 ORIGIN = 1_700_000_000 * SECOND + 123
