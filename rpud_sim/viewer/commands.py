@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from array import array
 from collections import deque
@@ -55,13 +54,12 @@ class Commands:
         self._last: dict[str, tuple[float, str, int, LogEntry]] = {}  # by kind; number in the row
         self._steps: dict[str, tuple[array[float], array[float]]] = {}
 
-    def add(self, time: float, kind: str, content: object) -> None:
-        """Add an entry of the journal at a time [s]; its content is JSON, or what that says."""
+    def add(self, time: float, kind: str, content: Any) -> None:
+        """Add an entry of the journal at a time [s]."""
         if kind in _QUIET:
             return
         try:
-            found: Any = json.loads(content) if isinstance(content, str) else content
-            sort, text, values = self._read(kind, found)
+            sort, text, values = self._read(kind, content)
             for name, value in values.items():
                 self._step(name, time, float(value))
         # Another program wrote it.

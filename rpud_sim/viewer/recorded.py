@@ -19,7 +19,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.rebuild import TrajectoryPiece, trajectory_pieces
 from rpud_sim.recorded.runs import installed_codec
 from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
-from rpud_sim.viewer.bins import Bins, Layer, part_length
+from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
 from rpud_sim.viewer.history import (
     IMPACTS,
@@ -72,18 +72,19 @@ class Stretch(NamedTuple):
 
 
 class Waveforms:
-    """Waveforms of one recording."""
+    """Waveforms of one drill in a bag, and the impacts in them."""
 
-    def __init__(self, recording: RecordedBag) -> None:
-        self._recording = recording
+    def __init__(self, recording: RecordedBag, drill: str) -> None:
+        self._recording, self._drill = recording, drill
+        self._topic = recording.topic(drill, TRAJECTORY_TYPE)
+        self._impacts = recording.topic(drill, IMPACTS_TYPE)
         self._codec = installed_codec(TRAJECTORY_TYPE)
 
-    def has(self, drill: str) -> bool:
-        return bool(self._recording.topic(drill, TRAJECTORY_TYPE))
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._topic)
 
-    def between(
-        self, drill: str, start: float, end: float, rate: int | None = None
-    ) -> list[Stretch]:
+    def between(self, start: float, end: float, rate: int | None = None) -> list[Stretch]:
         """Return the exact samples between two times since the bag began [s], in their order.
 
         ``rate`` is whole [Hz]; None for one that gives about ``SAMPLES``.
@@ -91,7 +92,7 @@ class Waveforms:
         if rate is None:
             rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
         found = []
-        for zero, segments in self._stretches(drill, start, end):
+        for zero, segments in self._stretches(start, end):
             first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
             last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
             if last > first:
@@ -100,63 +101,49 @@ class Waveforms:
                 found.append(Stretch(times, vars(samples)))
         return sorted(found, key=lambda stretch: float(stretch.times[0]))
 
-    def section(self, drill: str, end: float) -> dict[str, Any] | None:
+    def section(self, end: float) -> dict[str, Any] | None:
         """Return the field ``section`` of a frame: the motion until a time [s]; None without any.
 
         It begins after the last gap.
         """
-        found = self.between(drill, end - SECTION, end, SECTION_RATE)
+        found = self.between(end - SECTION, end, SECTION_RATE)
         if not found:
             return None
         times, channels = found[-1]
         arrays = {name: channels[CHANNELS[name]].astype(np.float32) for name in MOTION}
-        struck, *rest = self.impacts(drill, float(times[0]), end)
+        struck, *rest = self.impacts(float(times[0]), end)
         impacts = np.column_stack([struck - times[0], *rest]).tolist()
         return {"period": 1.0 / SECTION_RATE, "time": times[0], "impacts": impacts, **arrays}
 
-    def impacts(self, drill: str, start: float, end: float) -> np.ndarray:
+    def impacts(self, start: float, end: float) -> np.ndarray:
         """Return times [s], peak forces [N] and durations [s] of impacts in a range: (3, n)."""
-        recording, topic = self._recording, self._recording.topic(drill, IMPACTS_TYPE)
-        found = [np.empty((3, 0))]
-        for number in recording.chunks_between(drill, start, end) if topic else ():
-            if (rows := recording.rows(number).get(topic)) is not None:
-                times = recording.times(topic, rows) / SECOND
-                none = np.full(len(times), np.nan)
-                values = [
-                    rows.values.get(each, none) for each in ("peak_force", "contact_duration")
-                ]
-                found.append(np.array([times, *values])[:, (times >= start) & (times <= end)])
-        impacts = np.concatenate(found, axis=1)
-        return impacts[:, np.argsort(impacts[0])]
+        numbers = self._recording.chunks_between(self._drill, start, end)
+        columns = ("peak_force", "contact_duration")
+        found = self._recording.series(self._impacts, columns, numbers)
+        return found[:, (found[0] >= start) & (found[0] <= end)]
 
-    def next_impact(
-        self, drill: str, time: float, *, back: bool = False
-    ) -> dict[str, float] | None:
+    def next_impact(self, time: float, *, back: bool = False) -> dict[str, float] | None:
         """Return the first impact after a time since the bag began [s], or the last before it."""
-        recording, topic = self._recording, self._recording.topic(drill, IMPACTS_TYPE)
-        for number in recording.chunks_from(drill, time, back=back):
-            if topic in recording.chunks[number].topics:
-                found = self.impacts(drill, *(recording.span(drill, number) or (0.0, -1.0)))
+        recording = self._recording
+        for number in recording.chunks_from(self._drill, time, back=back):
+            if self._impacts in recording.chunks[number].topics:
+                found = self.impacts(*(recording.span(self._drill, number) or (0.0, -1.0)))
                 found = found[:, found[0] < time if back else found[0] > time]
                 if found.size:
                     names = ("time", "peak_force", "contact_duration")
                     return dict(zip(names, found[:, -1 if back else 0].tolist(), strict=True))
         return None
 
-    def _stretches(
-        self, drill: str, start: float, end: float
-    ) -> Iterator[tuple[float, np.ndarray]]:
+    def _stretches(self, start: float, end: float) -> Iterator[tuple[float, np.ndarray]]:
         """Yield gapless stretches of the trajectory, and when in the bag their time zero was [s].
 
         They cover a range, and begin before it and end after it.
         """
-        recording, topic = self._recording, self._recording.topic(drill, TRAJECTORY_TYPE)
+        recording = self._recording
         held: list[np.ndarray] = []
         zero = 0.0
-        for piece in self._pieces(topic, drill, start, end) if topic else ():
-            line = recording.time_lines[drill]
-            offset = line.offset(piece.published) if line else recording.begin
-            begin = (piece.origin - offset) / SECOND
+        for piece in self._pieces(start, end) if self._topic else ():
+            begin = (piece.origin - recording.offset(self._topic, piece.published)) / SECOND
             if held and not (piece.follows and begin == zero):
                 yield zero, np.concatenate(held)
                 held = []
@@ -165,14 +152,12 @@ class Waveforms:
         if held:
             yield zero, np.concatenate(held)
 
-    def _pieces(
-        self, topic: str, drill: str, start: float, end: float
-    ) -> Iterator[TrajectoryPiece]:
+    def _pieces(self, start: float, end: float) -> Iterator[TrajectoryPiece]:
         recording = self._recording
-        numbers = enumerate(recording.chunks_between(drill, start, end))
+        numbers = enumerate(recording.chunks_between(self._drill, start, end))
         # Chunks that follow each other.
         for _, adjacent in itertools.groupby(numbers, lambda each: each[1] - each[0]):
-            parts = (recording.messages(number, topic) for _, number in adjacent)
+            parts = (recording.messages(number, self._topic) for _, number in adjacent)
             messages = sorted(itertools.chain(*parts), key=lambda message: message.log_time)
             try:
                 yield from trajectory_pieces(messages, self._codec, recording.path)
@@ -187,7 +172,7 @@ class RecordedDrill(History):
         super().__init__(drill, recording.signals, ())
         self.recording = recording
         self.is_drill = recording.is_drill(drill)
-        self.waveforms = Waveforms(recording)
+        self.waveforms = Waveforms(recording, drill)
         self._reading = reading
         self.pictures = 0  # of what was read, at most one each ``_REFRESH``
 
@@ -205,7 +190,7 @@ class RecordedDrill(History):
 
     def has(self, quantity: str) -> bool:
         """Return whether there is anything of a quantity."""
-        return (quantity in CHANNELS and self.waveforms.has(self.drill)) or super().has(quantity)
+        return (quantity in CHANNELS and bool(self.waveforms)) or super().has(quantity)
 
     def others(self) -> list[ShownQuantity]:
         """Return the signals beyond the table of quantities, those of the drill first."""
@@ -251,7 +236,7 @@ class RecordedDrill(History):
                 layer = bins.view(name, start, end, width)
             layers[name] = with_gaps(layer)
         exact = end - start < 1.001 * WAVEFORM_RANGE
-        near = self.waveforms.between(self.drill, start, end) if exact else []
+        near = self.waveforms.between(start, end) if exact else []
         if near:
             struck = "peak_force" in layers and len(layers["peak_force"]["t"]) > 0
             for quantity, channel in CHANNELS.items():
@@ -277,22 +262,17 @@ class RecordedDrill(History):
         return time
 
     def section(self, time: float) -> dict[str, Any] | None:
-        return self.waveforms.section(self.drill, time)
+        return self.waveforms.section(time)
 
     def _series(
         self, signal: Signal, numbers: Sequence[int], start: float, end: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return times and values of a signal in a range, with the one before and the one after."""
-        recording, parts = self.recording, [np.empty((2, 0))]
-        for number in numbers:
-            if (rows := recording.rows(number).get(signal.topic)) is not None:
-                times = recording.times(signal.topic, rows) / SECOND
-                both = np.array([times, rows.values[signal.column]])
-                parts.append(both[:, np.isfinite(both[1])])
-        times, values = np.concatenate(parts, axis=1)
-        order = np.argsort(times, kind="stable")
-        first, last = np.searchsorted(times, [start, np.nextafter(end, np.inf)], sorter=order)
-        chosen = order[max(first - 1, 0) : last + 1]
+        times, values = self.recording.series(signal.topic, (signal.column,), numbers)
+        valid = np.isfinite(values)
+        times, values = times[valid], values[valid]
+        first, last = np.searchsorted(times, [start, np.nextafter(end, np.inf)])
+        chosen = slice(max(first - 1, 0), last + 1)
         return times[chosen], values[chosen]
 
     def _status(self, time: float) -> dict[str, Any]:
@@ -303,7 +283,7 @@ class RecordedDrill(History):
             return {}
         for number in itertools.islice(recording.chunks_from(drill, time, back=True), _MOST_BACK):
             for message in reversed(recording.messages(number, topic)):
-                origin = recording.offset(message)
+                origin = recording.offset(topic, message.publish_time)
                 with suppress(BagError):  # another program wrote it
                     status = recording.readers[topic].codec.decode(message.data)
                     if seconds(status.header.stamp, origin) <= time + 1e-9:
@@ -377,7 +357,7 @@ class RecordedStore(Store):
             raise ParameterError("a recorded drill takes no commands")
         back = content["to"] == "previous"
         since = float(content["from"]) + (-1e-9 if back else 1e-9)
-        found = self.histories[client.drill].waveforms.next_impact(client.drill, since, back=back)
+        found = self.histories[client.drill].waveforms.next_impact(since, back=back)
         word = "earlier" if back else "further"
         client.jump = found or {"none": f"there is no {word} impact"}
 
@@ -431,7 +411,7 @@ class RecordedStore(Store):
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
         if unlisted := self.reading.unlisted + history.unlisted:
             parts.append(f"{unlisted} faults or messages of faults are not shown.")
-        if history.is_drill and not history.waveforms.has(drill):
+        if history.is_drill and not history.waveforms:
             parts.append("The bag holds no trajectory, from which its motion could be drawn.")
         if not recording.signals:
             parts.append("The bag holds no numbers that can be drawn over time.")
@@ -467,24 +447,6 @@ def serve_bag(
     with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
         announce(server)
         server.run()
-
-
-def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Layer:
-    """Return the least and the greatest value of equal parts of the points, at their own times.
-
-    So no peak is lost, and every point is one of those given. ``times`` ascend [s] and ``values``
-    have no NaN, both of shape (n,). The result has at most ``most`` points.
-    """
-    if len(times) <= most:
-        return {"t": times, "mean": values}
-    edges = np.linspace(0, len(times), max(1, most // 2) + 1).astype(np.intp)
-    width = int(np.diff(edges).max())
-    places = np.minimum(edges[:-1, None] + np.arange(width), edges[1:, None] - 1)
-    parts = values[places]
-    rows = np.arange(len(places))
-    both = np.column_stack([places[rows, parts.argmin(1)], places[rows, parts.argmax(1)]])
-    kept = np.unique(np.concatenate([[0], both.ravel(), [len(times) - 1]]))
-    return {"t": times[kept], "mean": values[kept]}
 
 
 def _waveform_layer(stretches: Sequence[Stretch], channel: str, most: int) -> Layer:

@@ -254,10 +254,21 @@ class RecordedBag:
             return rows.log_times - self.begin
         return rows.stamps - line.offsets(rows.publish_times)
 
-    def offset(self, message: Message) -> int:
-        """Return the stamp that was zero when the bag began, by the clock of a message [ns]."""
-        line = self.time_lines[namespace(message.topic)]
-        return line.offset(message.publish_time) if line else self.begin
+    def offset(self, topic: str, published: int) -> int:
+        """Return the stamp of time zero that a message has by its publishing time [ns]."""
+        line = self.time_lines[namespace(topic)]
+        return line.offset(published) if line else self.begin
+
+    def series(self, topic: str, columns: Sequence[str], numbers: Iterable[int]) -> np.ndarray:
+        """Return times [s] and columns of a topic in some chunks, in order of time: (1 + k, n)."""
+        found = [np.empty((1 + len(columns), 0))]
+        for number in numbers:
+            if (rows := self.rows(number).get(topic)) is not None:
+                none = np.full(len(rows.stamps), np.nan)
+                values = [rows.values.get(column, none) for column in columns]
+                found.append(np.array([self.times(topic, rows) / SECOND, *values]))
+        series = np.concatenate(found, axis=1)
+        return series[:, np.argsort(series[0], kind="stable")]
 
     def close(self) -> None:
         self.bag.close()
@@ -412,7 +423,8 @@ class Reading:
                 run = line.number(message.publish_time) if line else 0
                 try:
                     decoded = recording.readers[message.topic].codec.decode(message.data)
-                    history.add_faults(run, decoded.faults, recording.offset(message))
+                    origin = recording.offset(message.topic, message.publish_time)
+                    history.add_faults(run, decoded.faults, origin)
                 # Another type of the same name, or another program wrote it.
                 except (AttributeError, BagError, TypeError, ValueError):
                     history.unlisted += 1

@@ -11,8 +11,8 @@ from viewer.screen_client import ClosedError, ScreenClient, serving
 from rpud_sim.ros.client import DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.viewer.frames import ClientState, StoreError
-from rpud_sim.viewer.live_history import LiveHistory
 from rpud_sim.viewer.live import LiveDrill, LiveStore
+from rpud_sim.viewer.live_history import LiveHistory
 
 NAMESPACE = "/live_drill"
 

@@ -76,7 +76,7 @@ def viewed(store, start, end, width=800):
 @settings(max_examples=25)
 def test_samples_of_any_range_are_those_of_rebuild_bit_for_bit(waveforms, rebuilt, start, length):
     first, channels = rebuilt
-    (stretch,) = waveforms.between(DRILL, start, start + length, RATE)
+    (stretch,) = waveforms.between(start, start + length, RATE)
     begin, end = int(np.ceil(start * RATE)), int(np.floor((start + length) * RATE)) + 1
     assert stretch.times.tolist() == [number / RATE for number in range(begin, end)]
     for name, values in channels.items():
@@ -212,7 +212,7 @@ def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
         lambda m: [] if m.topic == "/rpud/trajectory" and next(numbers) == 4 else [m.data],
     )
     with RecordedStore(path) as store:
-        before, after = store.histories[DRILL].waveforms.between(DRILL, 0.1, 0.4, 100_000)
+        before, after = store.histories[DRILL].waveforms.between(0.1, 0.4, 100_000)
         assert after.times[0] - before.times[-1] > 0.04  # a block has 50 ms
         assert np.isnan(viewed(store, 0.16, 0.21)["layers"]["contact_force"]["mean"]).sum() <= 1
         begin = after.times[0]  # of the first segment after the loss
@@ -319,7 +319,7 @@ def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
     with RecordedStore(tmp_path / "free") as opened:
         opened.read_all()
         drill = opened.histories[DRILL]
-        first = drill.waveforms.next_impact(DRILL, 0.2)["time"]
+        first = drill.waveforms.next_impact(0.2)["time"]
         shown = drill.view(first - 1e-5, first + 1e-5, 500, {"peak_force": "band"})
     assert shown["detail"] == WAVEFORM
     assert len(shown["layers"]["peak_force"]["t"]) == 1
