@@ -14,7 +14,7 @@ from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.listening_node import DrillFinder
-    from rpud_sim.viewer.live_store import LiveStore
+    from rpud_sim.viewer.live import LiveStore
     from rpud_sim.viewer.server import PageServer
 
 PORT = Quantity("", "a port", 0, 65535, whole=True)
@@ -56,7 +56,7 @@ def _run(options: Any) -> int:
 
 
 def _watch_bag(options: Any, bag: str) -> ExitCode:
-    from rpud_sim.viewer.recorded_store import serve_bag
+    from rpud_sim.viewer.recorded import serve_bag
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer) -> None:
@@ -70,7 +70,7 @@ def _watch_bag(options: Any, bag: str) -> ExitCode:
 
 
 def _watch_drills(options: Any) -> ExitCode:
-    from rpud_sim.viewer.live_store import serve_drills
+    from rpud_sim.viewer.live import serve_drills
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer, store: LiveStore) -> None:

@@ -83,9 +83,7 @@ class LiveVerdicts:
         return holds
 
     def _filled(self, expectations: Sequence[Expectation]) -> Record:
-        wanted = {topic for expectation in expectations for topic in expectation.topics}
-        # The journal first: it shows where the run begins.
-        for topic in sorted(wanted, key=lambda name: (name != "journal", name)):
+        for topic in sorted({topic for each in expectations for topic in each.topics}):
             heard = self._collector.topics[self._collector.resolve(topic)]
             begin = self._added.get(topic, 0)
             messages = heard.messages()

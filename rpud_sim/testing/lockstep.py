@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from rpud_msgs.msg import Status
 
@@ -27,26 +27,22 @@ Value = TypeVar("Value")
 __tracebackhide__ = is_verdict
 
 
+def _refused(name: str, other: str) -> Any:
+    def refuse(*_: object, **__: object) -> NoReturn:
+        raise ParameterError(
+            f"drill.client.{name} would go past the nodes under test: call drill.{other}"
+        )
+
+    return refuse
+
+
 class LockstepClient(DrillClient):
     """Client for what ``Drill`` has no method for; time and reset belong to the lockstep."""
 
-    def step(self, seconds: float) -> NoReturn:
-        _refuse("step", "step")
-
-    def run_to(self, stamp: float) -> NoReturn:
-        _refuse("run_to", "step")
-
-    def play(self) -> NoReturn:
-        _refuse("play", "step")
-
-    def reset(self, scope: str | int = "all", seed: int | None = None) -> NoReturn:
-        _refuse("reset", "reset")
-
-
-def _refuse(name: str, other: str) -> NoReturn:
-    raise ParameterError(
-        f"drill.client.{name} would go past the nodes under test: call drill.{other}"
-    )
+    step = _refused("step", "step")
+    run_to = _refused("run_to", "step")
+    play = _refused("play", "step")
+    reset = _refused("reset", "reset")
 
 
 class Lockstep:

@@ -139,6 +139,24 @@ class _Answer:
     topic: HeardTopic | None = None
     begun: int = 0  # messages before the step
 
+    @property
+    def heard(self) -> int:
+        return len(self.topic) if self.topic else 0
+
+    def lack(self, stamp: int) -> str:
+        """Return a phrase for what is missing for a stamp [ns]; empty for nothing."""
+        topic, since = self.topic, self.heard - self.begun
+        if topic is None:
+            return f"{self.name}, which has no publisher"
+        found = topic.stamps[self.begun :].count(stamp) if topic.stamped else since
+        if found >= self.count:
+            return ""
+        if not self.heard:
+            return f"{self.name}, which has published nothing"
+        if not topic.stamped:
+            return f"{self.name}: {since} of {self.count} messages"
+        return f"{self.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
+
 
 class Answers:
     """Declared answers of the nodes under test.
@@ -200,48 +218,22 @@ class Answers:
     def begin(self) -> None:
         """Begin a step: what has come until now is no answer to it."""
         for answer in self._answers:
-            answer.begun = len(answer.topic) if answer.topic else 0
+            answer.begun = answer.heard
 
     def missing(self, stamp: int) -> list[str]:
         """Return a phrase for each topic that has not answered for a stamp [ns]."""
-        return [
-            self._lack(answer, stamp) for answer in self._answers if not _answered(answer, stamp)
-        ]
+        return [lack for answer in self._answers if (lack := answer.lack(stamp))]
 
     @property
     def never(self) -> bool:
         """Whether a topic has had no message at all."""
-        return any(answer.topic is None or not len(answer.topic) for answer in self._answers)
+        return not all(answer.heard for answer in self._answers)
 
     def late(self, stamp: int) -> bool:
         """Return whether what is missing has come at all since the step began."""
-        return any(
-            answer.topic is not None and len(answer.topic) > answer.begun
-            for answer in self._answers
-            if not _answered(answer, stamp)
-        )
+        return any(each.heard > each.begun for each in self._answers if each.lack(stamp))
 
     def _publishers(self, answer: _Answer) -> dict[bytes, str]:
         if answer.topic is None or not answer.topic.subscription.get_publisher_count():
             return {}
         return self._introductions.publishers(answer.name)
-
-    def _lack(self, answer: _Answer, stamp: int) -> str:
-        topic = answer.topic
-        if topic is None:
-            return f"{answer.name}, which has no publisher"
-        if not len(topic):
-            return f"{answer.name}, which has published nothing"
-        if not topic.stamped:
-            return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
-        return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
-
-
-def _answered(answer: _Answer, stamp: int) -> bool:
-    topic = answer.topic
-    if topic is None:
-        return False
-    since = topic.stamps[answer.begun :]
-    if topic.stamped:
-        return since.count(stamp) >= answer.count
-    return len(since) >= answer.count

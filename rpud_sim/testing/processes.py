@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import yaml
 
@@ -75,23 +76,13 @@ def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -
 @contextlib.contextmanager
 def applied(environment: Mapping[str, str]) -> Iterator[None]:
     """Give this process an environment for a while: ROS reads it when a context begins."""
-    before = dict(os.environ)
     wanted = dict(environment)
-    if "rclpy" in sys.modules and "FASTRTPS_DEFAULT_PROFILES_FILE" not in before:
+    if "rclpy" in sys.modules and "FASTRTPS_DEFAULT_PROFILES_FILE" not in os.environ:
         # Fast DDS reads a profile only once, and has perhaps done so.
         wanted.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         wanted["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    try:
-        _replace_environment(wanted)
+    with patch.dict(os.environ, wanted, clear=True):
         yield
-    finally:
-        _replace_environment(before)
-
-
-def _replace_environment(wanted: Mapping[str, str]) -> None:
-    for name in set(os.environ) - set(wanted):
-        del os.environ[name]
-    os.environ.update(wanted)
 
 
 def _environment_domain() -> tuple[int, ...]:

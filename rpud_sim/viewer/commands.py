@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from array import array
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +20,7 @@ _MOST_STEPS = 50_000  # changes of one quantity that are kept, at most
 _CLOSE = 1.0  # longest time between changes that follow each other closely [s]
 _ALONE = 4  # close changes that have entries of their own; further ones share the last entry
 _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
-_QUIET = ("flush", "stop", "origin", "state")  # entries that change nothing for the user
+_QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed")  # kinds whose value holds until the next one
 
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
@@ -55,22 +54,17 @@ class Commands:
         self._last: dict[str, tuple[float, str, int, LogEntry]] = {}  # by kind; number in the row
         self._steps: dict[str, tuple[array[float], array[float]]] = {}
 
-    def add(self, time: float, kind: str, content: object) -> None:
-        """Add an entry of the journal at a time [s]; its content is JSON, or what that says."""
-        if kind in _QUIET and (kind != "state" or self.parameters):
+    def add(self, time: float, kind: str, content: Any) -> None:
+        """Add an entry of the journal at a time [s]."""
+        if kind in _QUIET:
             return
         try:
-            found: Any = json.loads(content) if isinstance(content, str) else content
-            if kind == "state":  # the beginning is not known any more
-                self.parameters = dict(found["beginning"]["parameters"])
-            sort, text, values = self._read(kind, found)
+            sort, text, values = self._read(kind, content)
             for name, value in values.items():
                 self._step(name, time, float(value))
         # Another program wrote it.
         except (AttributeError, LookupError, RecursionError, TypeError, ValueError):
             sort, text = COMMAND, kind
-        if kind in _QUIET:
-            return
         if sort == RUN:
             self._last.clear()
         since, before, row, entry = self._last.get(kind, (-math.inf, "", 0, None))
@@ -146,8 +140,6 @@ class Commands:
                 return RUN, "a run begins", values
             case "end":
                 return RUN, "the drill stops", {}
-            case "restore" | "save":
-                return RUN, f"checkpoint {content['name']!s:.60} is {kind}d", {}
             case "weight_on_bit":
                 text = f"weight on bit {_shown(kind, content['force'])}"
                 return COMMAND, text, {kind: content["force"]}
@@ -195,16 +187,3 @@ def _fault_text(fault: Mapping[str, Any]) -> str:
     magnitude = float(fault.get("magnitude") or 0.0)
     size = f" {magnitude:.4g}" if math.isfinite(magnitude) and magnitude else ""
     return kind + (f" of {channel}" if channel else "") + size
-
-
-def fault_row(fault: Any, seconds: Callable[[Any], float]) -> dict[str, Any]:
-    """Return a message's fault as a frame has it; ``seconds`` converts its stamps."""
-    return {
-        "number": int(fault.number),
-        "kind": str(fault.kind),
-        "channel": str(fault.channel),
-        "magnitude": float(fault.magnitude),
-        "onset": seconds(fault.onset),
-        "end": None if fault.active else seconds(fault.clear),
-        "active": bool(fault.active),
-    }

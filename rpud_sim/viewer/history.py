@@ -1,220 +1,413 @@
-"""What is kept of a run of any length: bins of signals over time, and impacts."""
+"""What a drill has done: signals in bins, impacts, commands and faults, and how they are drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``: equal shapes (n,)
+from rpud_sim.drilling.rock import ROCKS, find_strata
+from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.simulation.batch import Batch
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.viewer.bins import Bins, Impacts, Layer
+from rpud_sim.viewer.commands import Commands
 
-MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
-MOST_OUTLIERS = 200  # of one answer
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
+SECTION = 0.02  # length of the motion that a section shows [s]
+MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
+IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
+MOST_FAULTS = 500  # that are shown
+_APPLIED = ("weight_on_bit_applied", "drive_applied", "feed_applied")  # stamps in a status
+IMPACTS_TYPE = TOPICS["contact_force"].type
 
-_FIRST_LENGTH = 1 << 14
-_ENDS = (0.05, 0.95)  # quantiles of the band
-# What a bin has: least and greatest value, sum and number of values; how two are merged, and none.
-_MERGES = ((np.minimum, np.inf), (np.maximum, -np.inf), (np.add, 0.0), (np.add, 0))
+_POINT = 2  # width of a part of a band [px]
+_LEAST_IMPACTS = 8  # in a part of the time that shows their spread
+_RATES = 10  # parts of a second, whose rates of impacts are compared
+_SPARK = 60  # means of a sparkline, one a second
+_TIMELINE = 1000  # bins
+_FINEST = 1 << 20  # parts of a range: as many as there are bins
+_COLOURS = 6  # of layers of the rock
+_LOG_PARTS = 200  # of the depth, at most
+_LOG_BINS = 4000  # of the run, for rate and torque over the depth
+_NUMBERS = {  # quantities that a number shows: the first that there is
+    "reacting_force": ("reacting_force",),
+    "power": ("electrical_power", "actuator_power"),
+    "penetration_rate": ("penetration_rate",),
+}
 
 
-class Bins:
-    """Least, mean and greatest value of several signals in bins, from time 0 on.
+@dataclass(frozen=True)
+class Signal:
+    """Column of numbers of one topic."""
 
-    All bins are equally long. A time beyond the last one doubles their length, so that the number
-    of bins and the memory stay; with ``newest`` it lets the older half of the bins go instead.
+    topic: str  # its name
+    type: str  # of its messages
+    column: str  # its name
+    unit: str = ""  # from the comment in the type; empty without one
+
+    @property
+    def name(self) -> str:
+        return f"{self.topic} {self.column}"
+
+    @property
+    def drill(self) -> str:
+        return namespace(self.topic)
+
+    @property
+    def source(self) -> str:
+        """``Type.column``, as the table of quantities names where a quantity comes from."""
+        return f"{self.type.rpartition('/')[2]}.{self.column}"
+
+
+def namespace(topic: str) -> str:
+    return topic.rpartition("/")[0]
+
+
+def is_foreign(topic: str) -> bool:
+    """Whether a drill has no topic of this name."""
+    return topic.rpartition("/")[2] not in TOPICS
+
+
+def seconds(stamp: Any, origin: int) -> float:
+    """Return the time of a stamp in a message, which counts from an origin [ns]."""
+    return (join_seconds(stamp.sec, stamp.nanosec) - origin) / SECOND
+
+
+def plain_status(fields: Mapping[str, Any], origin: int) -> dict[str, Any]:
+    """Return the fields of a status as a frame has them; its stamps count from an origin [ns]."""
+    plain = bool | int | float | str | np.generic
+    found = {name: value for name, value in fields.items() if isinstance(value, plain)}
+    for name in _APPLIED:
+        with suppress(AttributeError, LookupError, TypeError):  # another program wrote it
+            found[name] = seconds(fields[name], origin)
+    return found
+
+
+class History:
+    """What a drill has done up to now; ``add`` takes its messages, from DDS or from a bag.
+
+    Times begin with the run of a drill, or with a bag [s]. ``bins`` hold all signals, the finest
+    first; the drills of a bag share them.
     """
 
-    def __init__(
-        self, signals: Sequence[str], width: float, count: int, *, newest: bool = False
-    ) -> None:
-        self.width = width  # of a bin [s]
-        self.first = 0  # number of the oldest bin that is kept
-        self.end = 0.0  # latest time [s]
-        self._newest, self._length = newest, count
-        self._place = {name: place for place, name in enumerate(signals)}
-        shape = len(self._place), count
-        self._bins = [np.full(shape, none) for _, none in _MERGES]
+    log_version = 0  # grows with commands and faults
+    _changes = 0  # grows with the messages
+    most = math.inf  # impacts of a range whose quantiles are computed; more have extremes
+    known = math.inf  # time up to which no value is missing; only samples beyond it [s]
+    samples = 0.0  # beyond it [1/s]
 
-    def add(self, signal: str, times: np.ndarray, values: np.ndarray) -> None:
-        """Add values at times [s], both of shape (n,); values that are not finite are left out."""
-        valid = np.isfinite(values) & (times >= 0.0)
-        if not valid.any():
-            return
-        times, values = times[valid], values[valid].astype(float, copy=False)
-        latest = float(times.max())
-        self.end = max(self.end, latest)
-        while latest >= self.width * (self.first + self._length):
-            self._grow(latest)
-        bins = (times / self.width).astype(np.intp) - self.first
-        if bins.min() < 0:  # older than what is kept
-            values, bins = values[bins >= 0], bins[bins >= 0]
-        if not len(bins):
-            return
-        if (np.diff(bins) < 0).any():
-            order = np.argsort(bins, kind="stable")
-            values, bins = values[order], bins[order]
-        firsts = np.flatnonzero(np.diff(bins, prepend=-1))
-        place, places = self._place[signal], bins[firsts]
-        found = [merge.reduceat(values, firsts) for merge, _ in _MERGES[:3]]
-        found.append(np.diff(np.append(firsts, len(bins))))
-        for kept, (merge, _), new in zip(self._bins, _MERGES, found, strict=True):
-            kept[place, places] = merge(kept[place, places], new)
+    def __init__(self, drill: str, signals: Iterable[Signal], bins: Iterable[Bins]) -> None:
+        self.drill = drill
+        self.signals = {signal.name: signal for signal in signals}
+        strike = [each.topic for each in self.own_signals if each.type == IMPACTS_TYPE]
+        self.struck = min(strike, key=is_foreign, default="")  # topic of the impacts
+        self.clear(bins)
 
-    def has(self, signal: str) -> bool:
-        return bool(self._bins[3][self._place[signal]].any())
+    def clear(self, bins: Iterable[Bins]) -> None:
+        """Forget everything: another run begins."""
+        self.bins = tuple(bins)
+        self._changes += 1
+        self.log_version += 1
+        self.since = 0.0  # time from which on there are messages [s]
+        self.time: float | None = None  # latest [s]
+        self.impacts = Impacts()
+        self.commands = Commands()
+        self._faults: dict[tuple[int, int], dict[str, Any]] = {}  # by run and number
+        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages that are none of a drill
 
-    def used(self) -> np.ndarray:
-        """Return the numbers of bins in which any signal has a value."""
-        return self.first + np.flatnonzero(self._bins[3].any(axis=0))
+    def add(self, batch: Batch) -> None:
+        """Add messages of a topic with their times in this history [ns]."""
+        self._changes += 1
+        times = batch.times / SECOND
+        for column, values in batch.fields.items():
+            if (name := f"{batch.topic} {column}") in self.signals:
+                for bins in self.bins:
+                    bins.add(name, times, values)
+        if batch.topic == self.struck:
+            peaks = batch.fields["peak_force"]
+            valid = np.isfinite(peaks) & (times >= 0.0)
+            self.impacts.add(times[valid], peaks[valid])
 
-    def mean(self, signal: str, start: float, end: float) -> float:
-        """Return the mean of a signal from a time to another [s], to a bin; NaN without a value."""
-        first, last = (round(time / self.width) for time in (start, end))
-        chosen = self._place[signal], slice(first, max(last, first + 1))
-        total, count = (float(bins[chosen].sum()) for bins in self._bins[2:])
-        return total / count if count else float("nan")
+    def add_entry(self, time: float, kind: str, content: Any) -> None:
+        """Add an entry of the journal, at a time [s]."""
+        self.log_version += 1
+        self.commands.add(time, kind, content)
 
-    def view(self, signal: str, start: float, end: float, parts: int) -> Layer:
-        """Return least, mean and greatest value in about so many parts of a range of time [s].
+    def add_faults(self, run: int, faults: Iterable[Any], origin: int) -> None:
+        """Add the faults of a message of a run, whose stamps count from an origin [ns]."""
+        self.log_version += 1
+        for fault in faults:
+            if len(self._faults) >= MOST_FAULTS and (run, int(fault.number)) not in self._faults:
+                self.unlisted += 1
+                continue
+            self._faults[run, int(fault.number)] = {
+                "number": int(fault.number),
+                "kind": str(fault.kind),
+                "channel": str(fault.channel),
+                "magnitude": float(fault.magnitude),
+                "onset": seconds(fault.onset, origin),
+                "end": None if fault.active else seconds(fault.clear, origin),
+                "active": bool(fault.active),
+            }
 
-        Parts without a value are NaN. They are whole bins, and begin at multiples of their length,
-        so that they stay when the range moves.
+    @property
+    def version(self) -> int:
+        """A number that grows with the messages."""
+        return self._changes
+
+    # What a screen asks of every drill; a recorded one has more to say
+
+    live = False  # whether it changes all the time
+    is_drill = True  # and not another node
+
+    def range(self, view: Any) -> tuple[float, float]:
+        """Return the range of time that a browser shows [s]."""
+        now = self.time or 0.0
+        return (view.start, view.end) if view.follow is None else (now - view.follow, now)
+
+    def others(self) -> list[ShownQuantity]:
+        """Signals beyond the table of quantities."""
+        return []
+
+    def moment(self, time: float) -> dict[str, Any]:
+        """Return fields of a frame at a time [s]."""
+        return {"numbers": self.numbers(time)}
+
+    def whole(self) -> dict[str, Any]:
+        """Return fields of a frame that show the whole time."""
+        return {"timeline": self.timeline()}
+
+    def view_key(self, start: float, end: float) -> Any:
+        """Return what changes when a view of this range does [s]."""
+        return self.version
+
+    def section_key(self, time: float) -> Any:
+        """Return what changes when the motion until a time does [s]; None without a motion."""
+        return None
+
+    def section(self, time: float) -> dict[str, Any] | None:
+        """Return the field ``section`` of a frame: the motion until a time [s]."""
+        return None
+
+    @property
+    def own_signals(self) -> list[Signal]:
+        return [signal for signal in self.signals.values() if signal.drill == self.drill]
+
+    @property
+    def faults(self) -> list[dict[str, Any]]:
+        """Field ``faults`` of a frame, in the order of their onsets."""
+        return sorted(self._faults.values(), key=lambda fault: float(fault["onset"]))
+
+    def signal(self, quantity: str) -> Signal | None:
+        """Return the signal that shows a quantity; None if there is none with values.
+
+        Beyond the table of quantities, the name of a signal is a quantity.
         """
-        wide = 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width)))
-        first = max(0, int(np.floor(start / self.width)) // wide * wide - self.first)
-        last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._length)
-        if last <= first:
-            return dict.fromkeys(("t", "mean", "low", "high"), np.empty(0))
-        starts, place = np.arange(first, last, wide) - first, self._place[signal]
-        least, greatest, total, count = (
-            merge.reduceat(bins[place, first:last], starts)
-            for bins, (merge, _) in zip(self._bins, _MERGES, strict=True)
-        )
-        none, used = np.full(len(starts), np.nan), count > 0
-        return {
-            "t": (self.first + first + starts + 0.5 * wide) * self.width,
-            "mean": np.divide(total, count, out=none.copy(), where=used),
-            "low": np.where(used, least, none),
-            "high": np.where(used, greatest, none),
-        }
+        if quantity in self.signals:
+            return self.signals[quantity]
+        sources = QUANTITIES[quantity].sources if quantity in QUANTITIES else []
+        for source in sorted(sources, key=lambda each: each.startswith("Status.")):  # it is slow
+            known = [each for each in self.own_signals if each.source == source]
+            if found := [each for each in known if self.bins[-1].has(each.name)]:
+                return min(found, key=lambda signal: is_foreign(signal.topic))
+        return None
 
-    def _grow(self, latest: float) -> None:
-        half = self._length // 2
-        gone = half * (1 + (int(latest / self.width) - self.first - 2 * half) // half)
-        if self._newest:
-            self.first += gone
+    def has(self, quantity: str) -> bool:
+        """Return whether there is anything of a quantity."""
+        if quantity in IMPACTS and self.impacts.total:
+            return True
+        return self.is_stepped(quantity) or self.signal(quantity) is not None
+
+    def is_stepped(self, quantity: str) -> bool:
+        """Return whether commands say a quantity; the weight on bit of an arm is measured."""
+        if quantity not in self.commands.quantities:
+            return False
+        shown = self.signal(quantity) if quantity == "weight_on_bit" else None
+        return shown is None or not shown.source.startswith("Mount.")
+
+    # What is drawn
+
+    def view(self, start: float, end: float, width: int, kinds: Mapping[str, str]) -> Layer:
+        """Return the field ``view`` of a frame: layers of quantities by their kinds."""
+        layers = self.impact_layers(start, end, width, kinds)
+        for quantity, kind in kinds.items():
+            if quantity not in IMPACTS and (signal := self.signal(quantity)):
+                layer = self.line(signal, start, end, width // _POINT)
+                shown = ("t", "mean") if kind == "line" else ("t", "mean", "low", "high")
+                layers[quantity] = {each: layer[each] for each in shown}
+        found = {"start": start, "end": end, "detail": "overview"}
+        return {**found, "band": "least-greatest", "layers": layers}
+
+    def line(self, signal: Signal, start: float, end: float, parts: int = _TIMELINE) -> Layer:
+        """Return a signal in about so many parts of a range of time [s]."""
+        return with_gaps(self._bins(start).view(signal.name, *self._range(start, end, parts)))
+
+    def timeline(self) -> Layer:
+        """Return the field ``timeline`` of a frame: peak force, else the first signal."""
+        first = (each for each in self.own_signals if self.bins[-1].has(each.name))
+        signal = self.signal("peak_force") or next(first, None)
+        return self.line(signal, 0.0, self.time or 0.0) if signal else {}
+
+    def impact_layers(
+        self, start: float, end: float, width: int, wanted: Collection[str]
+    ) -> dict[str, Layer]:
+        """Return rate and peak forces of the impacts, as far as they are wanted."""
+        signal, layers = self.signal("peak_force"), dict[str, Layer]()
+        if signal is None:
+            return layers
+        first, last, parts = self._range(start, end, width // _POINT)
+        count = len(self.impacts.between(first, last)[0])
+        shown = first, last, min(parts, max(1, count // _LEAST_IMPACTS))
+        if "impact_rate" in wanted:
+            layers["impact_rate"] = with_gaps(self.impacts.rate(*shown))
+        if "peak_force" in wanted and count >= self.most:
+            extremes = self.line(signal, start, end, width // _POINT)
+            layers["peak_force"] = {**extremes, "band": "least-greatest"}
+        elif "peak_force" in wanted:
+            spread = self.impacts.spread(*shown)
+            outliers = spread.pop("outliers")
+            layers["peak_force"] = {**with_gaps(spread), "band": "5-95 %", "outliers": outliers}
+        return layers
+
+    def numbers(self, now: float) -> dict[str, Layer | None]:
+        """Return the field ``numbers`` of a frame: of the last second before a time [s]."""
+        begin = min(max(now - 1.0, self.since), now - 1e-3)
+        seconds = min(_SPARK, max(1, int(now - self.since)))
+        view, bins = self._bins(begin).view, self._bins(now - seconds)
+        found: dict[str, Layer | None] = dict.fromkeys((*IMPACTS, *_NUMBERS))
+        if signal := self.signal("peak_force"):
+            times, peaks = (each.astype(float) for each in self.impacts.between(begin, now))
+            counts = np.histogram(times, _RATES, (begin, now))[0] * self.impacts.stride
+            rates = counts * _RATES / (now - begin)
+            edges = now - np.arange(seconds, -1, -1.0)
+            times, _ = self.impacts.between(edges[0], now)
+            spark = np.diff(np.searchsorted(times, edges)) * self.impacts.stride
+            found["impact_rate"] = _number(rates, rates, rates, spark)
+            means = bins.view(signal.name, edges[0], now, seconds)["mean"]
+            found["peak_force"] = _number(peaks, peaks, peaks, means)
+        for number, quantities in _NUMBERS.items():
+            if signal := next(filter(None, map(self.signal, quantities)), None):
+                means = bins.view(signal.name, now - seconds, now, seconds)["mean"]
+                last = view(signal.name, begin, now, _FINEST)
+                if not np.isfinite(last["mean"]).any():  # a status is as old as a second
+                    last = view(signal.name, begin - 1.0, now, _FINEST)
+                found[number] = _number(last["low"], last["mean"], last["high"], means)
+        return found
+
+    def latest(self, signal: Signal, now: float) -> float | None:
+        """Return the latest value of a signal in the second before a time [s]."""
+        means = self._bins(now - 1.0).view(signal.name, now - 1.0, now, _FINEST)["mean"]
+        known = means[np.isfinite(means)]
+        return float(known[-1]) if len(known) else None
+
+    def hole(self, now: float) -> Layer | None:
+        """Return the field ``hole`` of a frame at a time [s]; None without a rock or a depth."""
+        layers, bins = rock_layers(self.commands.parameters), self.bins[-1]
+        shown, rates, torques = map(self.signal, ("depth", "penetration_rate", "torque"))
+        if not layers or shown is None or rates is None:
+            return None
+        end = max(now, bins.width)
+        depth, rate = (bins.view(each.name, 0.0, end, _LOG_BINS)["mean"] for each in (shown, rates))
+        torque = bins.view(torques.name, 0.0, end, _LOG_BINS)["mean"] if torques else None
+        latest = self.latest(shown, now)
+        if latest is None:
+            latest = next((each for each in depth[::-1] if np.isfinite(each)), 0.0)
+        return {"depth": latest, "layers": layers, "log": well_log(depth, rate, torque)}
+
+    def _bins(self, start: float) -> Bins:
+        """Return the finest bins that hold all from a time on [s]."""
+        held = (each for each in self.bins if not each.first or start >= each.first * each.width)
+        return next(held, self.bins[-1])
+
+    def _range(self, start: float, end: float, parts: int) -> tuple[float, float, int]:
+        """Return a range as far as there are values, and the number of its parts.
+
+        As long as it is not known whole, a part is so long that it holds something of the sample.
+        """
+        first, last = max(start, self.since), min(end, self.time or 0.0)
+        if last > self.known:
+            parts = min(parts, int(self.samples * (last - first)))
         else:
-            self.width *= 2.0
-        for bins, (merge, none) in zip(self._bins, _MERGES, strict=True):
-            kept = bins[:, gone:].copy() if self._newest else merge(bins[:, ::2], bins[:, 1::2])
-            bins[:, : kept.shape[1]] = kept
-            bins[:, kept.shape[1] :] = none
+            parts = math.ceil(parts * (last - first) / max(end - start, 1e-9))
+        return first, max(first, last), max(1, parts)
 
 
-class Impacts:
-    """Times and peak forces of the impacts of a run, by ascending time.
+def with_gaps(layer: Layer) -> Layer:
+    """Return a layer without its NaN, and with NaN between points that are far apart."""
+    valid = np.isfinite(layer["mean"])
+    layer = {name: values[valid] for name, values in layer.items()}
+    times = layer["t"]
+    steps = np.diff(times)
+    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
+    middles = 0.5 * (times[places - 1] + times[places])
+    return {
+        name: np.insert(values, places, middles if name == "t" else np.nan)
+        for name, values in layer.items()
+    }
 
-    Beyond ``MOST`` every second one is forgotten: ``stride`` is how many one stands for.
+
+def usual(steps: np.ndarray) -> float:
+    """Return the usual distance between points: nine of ten are not longer."""
+    return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
+
+
+def _number(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarray) -> Layer:
+    known = np.isfinite(mean)
+    found: Layer = dict.fromkeys(("mean", "least", "greatest"))
+    if known.any():
+        found["mean"] = mean[known].mean()
+        found["least"], found["greatest"] = low[known].min(), high[known].max()
+    with np.errstate(over="ignore"):
+        spark = spark.astype(np.float32)
+    return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:]}
+
+
+def rock_layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the layers of the rock that a run's parameters choose; none without a rock."""
+    choice = str(parameters.get("strata") or "")
+    if not choice:
+        if parameters.get("rock_model", "none") == "none":
+            return []
+        return [{"from": 0.0, "to": None, "name": "rock", "colour": 0}]
+    if not choice.lstrip().startswith("{") and choice not in ROCKS:
+        return []  # a path: what is recorded or heard never makes this program read a file
+    try:
+        strata = find_strata(choice)
+    except ParameterError:  # another program wrote it
+        return []
+    names = list(dict.fromkeys(layer.name for layer in strata.layers))
+    return [
+        {
+            "from": layer.depth_from,
+            "to": end if np.isfinite(end := strata.end_of(number)) else None,
+            "name": layer.name,
+            "colour": names.index(layer.name) % _COLOURS,
+        }
+        for number, layer in enumerate(strata.layers)
+    ]
+
+
+def well_log(
+    depth: np.ndarray, rate: np.ndarray, torque: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """Return means of rate [m/s] and torque [N m] over equal parts of the depth [m].
+
+    All have one value for each moment, shape (n,); what is not finite is left out.
     """
-
-    def __init__(self) -> None:
-        self.stride = 1
-        self.total = 0  # impacts that were added
-        self._skip = 0
-        self._count = 0
-        self._times, self._peaks = np.empty(_FIRST_LENGTH), np.empty(_FIRST_LENGTH, np.float32)
-        self._sorted = True
-
-    def add(self, times: np.ndarray, peaks: np.ndarray) -> None:
-        """Add impacts, shape (n,) [s] and [N]; in any order, but best in that of time."""
-        self.total += len(times)
-        kept = slice(self._skip, None, self.stride)
-        self._skip = (self._skip - len(times)) % self.stride
-        with np.errstate(over="ignore"):  # a faulty channel may hold garbage
-            times, peaks = times[kept], peaks[kept].astype(np.float32)
-        if not len(times):
-            return
-        end = self._count + len(times)
-        if end > len(self._times):
-            self._times = np.resize(self._times, 2 * end)
-            self._peaks = np.resize(self._peaks, 2 * end)
-        before = self._times[self._count - 1] if self._count else -np.inf
-        self._sorted &= bool(times[0] >= before and (np.diff(times) >= 0.0).all())
-        self._times[self._count : end], self._peaks[self._count : end] = times, peaks
-        self._count = end
-        if self._count > MOST:
-            self._sort()
-            half = (self._count + 1) // 2
-            self._times[:half] = self._times[: self._count : 2].copy()
-            self._peaks[:half] = self._peaks[: self._count : 2].copy()
-            self._count, self.stride, self._skip = half, 2 * self.stride, 0
-
-    def between(self, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return times and peak forces of the impacts from ``start`` until before ``end`` [s]."""
-        self._sort()
-        times = self._times[: self._count]
-        first, last = np.searchsorted(times, [start, end])
-        return times[first:last], self._peaks[first:last]
-
-    def spread(self, start: float, end: float, parts: int) -> Layer:
-        """Return the spread of the peak forces in about so many parts of a range of time [s].
-
-        ``low`` and ``high`` are the ends of the band with 90 % of them; without an impact they are
-        NaN, as ``mean``. ``outliers`` stand out above the band; ``more`` are not among these.
-        Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
-        when the range moves.
-        """
-        edges, width = _edges(start, end, parts)
-        times, peaks = self.between(float(edges[0]), float(edges[-1]))
-        finite = np.isfinite(peaks)  # what is not has no place among quantiles
-        times, peaks = times[finite], peaks[finite]
-        count = len(edges) - 1
-        part = np.minimum((times / width).astype(np.intp) - round(edges[0] / width), count - 1)
-        numbers = np.bincount(part, minlength=count)
-        # Sorted within each part: the quantiles are then at known places. One key of both is much
-        # faster than a sort by two.
-        scale = 0.4 / max(float(np.abs(peaks).max(initial=0.0)), 1e-30)
-        ordered = (np.sort(part + scale * peaks.astype(float)) - part) / scale
-        begins = np.cumsum(numbers) - numbers
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = np.bincount(part, peaks, count) / numbers
-        low, high, used = mean.copy(), mean.copy(), numbers > 0
-        for band, share in zip((low, high), _ENDS, strict=True):
-            places = begins + (share * (numbers - 1)).round().astype(int)
-            band[used] = ordered[places[used]]
-        # An outlier is as far above the band as the band is wide, at least.
-        far = np.flatnonzero(peaks > (high + (high - low))[part])
-        chosen = far
-        if len(far) > MOST_OUTLIERS:
-            chosen = np.sort(far[np.argpartition(-peaks[far], MOST_OUTLIERS)[:MOST_OUTLIERS]])
-        more = len(far) - len(chosen)
-        outliers = {"t": times[chosen], "v": peaks[chosen], "more": more}
-        middles = edges[:-1] + 0.5 * width
-        return {"t": middles, "mean": mean, "low": low, "high": high, "outliers": outliers}
-
-    def rate(self, start: float, end: float, parts: int) -> Layer:
-        """Return the impacts per second in such parts as ``mean``."""
-        edges, width = _edges(start, end, parts)
-        times, _ = self.between(float(edges[0]), float(edges[-1]))
-        counts = np.diff(np.searchsorted(times, edges)) * self.stride
-        return {"t": edges[:-1] + 0.5 * width, "mean": counts / width}
-
-    def _sort(self) -> None:
-        if not self._sorted:
-            order = np.argsort(self._times[: self._count], kind="stable")
-            self._times[: self._count] = self._times[: self._count][order]
-            self._peaks[: self._count] = self._peaks[: self._count][order]
-            self._sorted = True
-
-
-def part_length(start: float, end: float, parts: int) -> float:
-    """Return the length of parts of a range [s]: a power of two of milliseconds."""
-    wanted = max((end - start) / max(parts, 1), 1e-9)
-    return float(1e-3 * 2.0 ** np.ceil(np.log2(wanted / 1e-3)))
-
-
-def _edges(start: float, end: float, parts: int) -> tuple[np.ndarray, float]:
-    """Return the edges of parts of a range, and the length of a part [s]."""
-    width = part_length(start, end, parts)
-    return np.arange(np.floor(start / width), np.ceil(end / width) + 1) * width, width
+    valid = np.isfinite(depth) & np.isfinite(rate) & (depth >= 0.0)
+    greatest = float(depth[valid].max(initial=0.0))
+    if greatest <= 0.0:
+        return dict.fromkeys(("depth", "rate", "torque"), np.empty(0))
+    part = np.minimum((depth[valid] / greatest * _LOG_PARTS).astype(int), _LOG_PARTS - 1)
+    used, places, counts = np.unique(part, return_inverse=True, return_counts=True)
+    log = {"depth": (used + 0.5) * greatest / _LOG_PARTS}
+    log["rate"] = np.bincount(places, rate[valid]) / counts
+    none = np.full(len(used), np.nan)
+    log["torque"] = none if torque is None else np.bincount(places, torque[valid]) / counts
+    return {name: values.astype(np.float32) for name, values in log.items()}

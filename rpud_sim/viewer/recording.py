@@ -1,15 +1,17 @@
-"""Open bag: its signals, its clocks, and its chunks."""
+"""Open bag: its signals, its time lines, its chunks, and how it is read into histories."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,59 +20,36 @@ from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message,
 from rpud_sim.bag.batches import SerializedBatch, joined, messages_of
 from rpud_sim.bag.columns import Column, FieldReader, Kind, usable
 from rpud_sim.bag.tables import compiled
-from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.recorded.run_clock import RunClock
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.recorded import RecordingError
+from rpud_sim.recorded.runs import RecordedRun, runs_of
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.viewer.bins import Bins
+from rpud_sim.viewer.history import GAP, History, Signal, is_foreign, namespace, usual
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
 OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
-IMPACTS_TYPE = "rpud_msgs/msg/ContactForce"
-TRAJECTORY_TYPE = "rpud_msgs/msg/Trajectory"
-JOURNAL_TYPE, FAULTS_TYPE = "rpud_msgs/msg/JournalEntry", "rpud_msgs/msg/Faults"
-STATUS_TYPE = "rpud_msgs/msg/Status"
+TRAJECTORY_TYPE, STATUS_TYPE = TOPICS["trajectory"].type, TOPICS["status"].type
+FAULTS_TYPE = TOPICS["faults"].type
+BINS = 2**17  # greatest number of bins of a signal
+MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
+MOST_FAULTS = 10_000  # messages of faults that are read; further ones are counted
 
-# Parts that are read before the page stands; of the others it has not seen anything yet.
-SAMPLED = 48
+SAMPLED = 48  # chunks that are read before the page stands
 LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
 
-_KEPT = 96  # parts whose rows, and decoded messages, are kept
+_KEPT = 96  # chunks whose rows are kept
 _NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
+_LEAST_BINS = 2**10
+_BIN_SIZE = 32  # bytes
+_LEAST_GAP = 0.1  # s
+_LEAST_STEPS = 10  # fewer messages have no usual distance
+_TOGETHER = 16  # chunks that are read together
+_SPARE = 1.02  # of the time, for what is later than the last log time
 
 
-@dataclass(frozen=True)
-class RecordedSignal:
-    """Column of numbers of one topic."""
-
-    topic: str  # its name
-    type: str  # of its messages
-    column: str  # its name
-    unit: str  # from the comment in the type; empty without one
-
-    @property
-    def name(self) -> str:
-        return f"{self.topic} {self.column}"
-
-    @property
-    def drill(self) -> str:
-        return namespace(self.topic)
-
-    @property
-    def source(self) -> str:
-        """``Type.column``, as the table of quantities names where a quantity comes from."""
-        return f"{self.type.rpartition('/')[2]}.{self.column}"
-
-
-def is_stranger(topic: str) -> bool:
-    """Whether a drill has no topic of this name."""
-    return topic.rpartition("/")[2] not in TOPICS
-
-
-def namespace(topic: str) -> str:
-    return topic.rpartition("/")[0]
-
-
-@dataclass(frozen=True)
-class Rows:
+class Rows(NamedTuple):
     """Messages of one topic in a part of a bag."""
 
     log_times: np.ndarray  # shape (n,) [ns]
@@ -84,7 +63,7 @@ class TopicReader:
     """Reader of the signals of one topic, of which it takes at most so many."""
 
     def __init__(self, summary: TopicSummary, columns: Sequence[Column], most: int) -> None:
-        self.summary, self.topic, self.type = summary, summary.topic.name, summary.topic.type
+        self.topic, self.type = summary.topic.name, summary.topic.type
         self.unreadable = 0  # messages that are not of the type
         self.block = columns[0].name == "time"  # whether a message holds many rows
         stamp = [each for each in columns if each.name == "header.stamp" and each.kind is Kind.TIME]
@@ -95,17 +74,15 @@ class TopicReader:
         ][:most]
         self.stamped = bool(stamp)
         self.latched = "transient_local" in {each.durability for each in summary.topic.offered_qos}
-        self.signals = [
-            RecordedSignal(self.topic, self.type, each.name, each.unit) for each in numbers
-        ]
+        self.signals = [Signal(self.topic, self.type, each.name, each.unit) for each in numbers]
         self.codec, _ = compiled(self.type, summary.definition or "")
         self._fields = FieldReader(self.codec, [*stamp, *numbers])
 
-    def read(self, block: SerializedBatch) -> Rows:
+    def read(self, batch: SerializedBatch) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
-        found = self._fields.read(block)
+        found = self._fields.read(batch)
         self.unreadable += len(found.errors)
-        logs, published = block.log_times[found.rows], block.publish_times[found.rows]
+        logs, published = batch.log_times[found.rows], batch.publish_times[found.rows]
         values = {}
         for signal in self.signals:
             numbers = found.array(signal.column).astype(float)
@@ -116,12 +93,9 @@ class TopicReader:
 
 def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:
     """Return the readers of topics by their names, and the reasons why others have none."""
-    left_out = {**bag.damages, **bag.left_out}
+    left_out, left = {**bag.damages, **bag.left_out}, MOST_SIGNALS
     readers: dict[str, TopicReader] = {}
-    left = MOST_SIGNALS
-    for summary in sorted(
-        bag.readable_topics, key=lambda each: not each.topic.type.startswith(OURS)
-    ):
+    for summary in sorted(bag.readable_topics, key=lambda s: not s.topic.type.startswith(OURS)):
         name = summary.topic.name
         if name in left_out or not summary.message_count:
             continue
@@ -137,7 +111,44 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
     return dict(sorted(readers.items())), left_out
 
 
-PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
+class TimeLine:
+    """Times since a bag began of a drill's stamps: a run begins where the one before ended.
+
+    Time is that of the simulation, which stands during a pause. ``first`` is the first message.
+    """
+
+    def __init__(self, runs: Sequence[RecordedRun], first: Rows, begin: int) -> None:
+        stamp, published = int(first.stamps[0]), int(first.publish_times[0])
+        late = int(first.log_times[0]) - begin  # a drill may begin after its bag
+        if (start := runs[0].window[0]) > published:  # of a run whose beginning the bag lacks
+            unknown = RecordedRun(runs[0].path, runs[0].journal, first_origin=stamp)
+            runs = [replace(unknown, window=(0, start - 1), end=start - published), *runs]
+        self.runs = [run for run in runs if run.window[1] >= published]
+        self._starts = [run.window[0] for run in self.runs[1:]]
+        self.shifts: list[int] = []  # from the time of each run to that of the bag [ns]
+        begun = stamp - int(self.runs[0].origins(np.array([published]))[0])
+        end = late if late > SECOND else 0
+        for run in self.runs:
+            self.shifts.append(end - begun)
+            end += max(run.end - begun, 0)
+            begun = 0
+
+    def number(self, published: int) -> int:
+        """Return the number of the run of a message by its publishing time [ns], from 0."""
+        return int(np.searchsorted(self._starts, published, "right"))
+
+    def offsets(self, published: np.ndarray) -> np.ndarray:
+        """Return stamps of time zero that messages have by their publishing times [ns], (n,)."""
+        numbers = np.searchsorted(self._starts, published, "right")
+        found = np.empty(len(published), np.int64)
+        for number in np.unique(numbers).tolist():
+            chosen = numbers == number
+            found[chosen] = self.runs[number].origins(published[chosen]) - self.shifts[number]
+        return found
+
+    def offset(self, published: int) -> int:
+        """Return the stamp of time zero that one message has [ns]."""
+        return int(self.offsets(np.array([published]))[0])
 
 
 class RecordedBag:
@@ -153,16 +164,18 @@ class RecordedBag:
             self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self.bag)
-            self.pieces: list[BagChunk] = self.bag.chunks()
+            self.chunks: list[BagChunk] = self.bag.chunks()
+            self._prepare()
         except BaseException:
             self.bag.close()
             raise
+
+    def _prepare(self) -> None:
         self.signals = [each for reader in self.readers.values() for each in reader.signals]
-        self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
-        # Rows of a part by topic, none of a damaged one; those that were used last are kept.
+        self.damages: dict[int, str] = {}  # reasons why chunks are not read, by their numbers
+        self.unknown: dict[str, str] = {}  # why the runs of drills are not known, by namespace
+        # Rows of a chunk by topic, none of a damaged one; those that were used last are kept.
         self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
-        self.decoded = lru_cache(_KEPT)(self._decode)
-        self._held = lru_cache(_KEPT)(self._numbers)
         # Topics that show the time of each namespace. Blocks are logged long after their stamps,
         # and latched messages may be old: they do so only where there is nothing else.
         self._timed: dict[str, set[str]] = {}
@@ -177,10 +190,13 @@ class RecordedBag:
             if (reader.signals or reader.stamped)
             and (not reader.block or name in self._timed[namespace(name)])
         }
-        self._spans: dict[str, dict[int, tuple[float, float] | None]] = defaultdict(dict)
-        self._begun: dict[str, int] = {}  # publishing times of first messages [ns]
+        self._held = {
+            drill: [n for n, c in enumerate(self.chunks) if drill in map(namespace, c.topics)]
+            for drill in self._timed
+        }
+        self.span = lru_cache(None)(self._span)
         # None of a namespace without stamps, where log times count.
-        self.clocks = {drill: self._first_clock(drill) for drill in self._timed}
+        self.time_lines = {drill: self._time_line(drill) for drill in self._timed}
 
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
@@ -191,145 +207,225 @@ class RecordedBag:
         """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
         of_kind = [name for name, reader in self.readers.items() if reader.type == kind]
         found = [name for name in of_kind if namespace(name) == drill]
-        return min(found, key=is_stranger, default="")
+        return min(found, key=is_foreign, default="")
 
     @property
     def sample(self) -> list[int]:
-        """Numbers of the parts that give a first picture."""
-        places = np.linspace(0, len(self.pieces) - 1, SAMPLED) if self.pieces else np.empty(0)
+        """Numbers of the chunks that give a first picture."""
+        places = np.linspace(0, len(self.chunks) - 1, SAMPLED) if self.chunks else np.empty(0)
         numbers: list[int] = np.unique(places.astype(int)).tolist()
         return numbers
 
-    def rows_of(self, numbers: Iterable[int]) -> PieceRows:
-        """Return the rows of several parts together, by topic; they are not kept."""
+    def rows_of(self, numbers: Iterable[int]) -> dict[str, Rows]:
+        """Return the rows of several chunks together, by topic; they are not kept."""
         by_topic: dict[str, list[SerializedBatch]] = defaultdict(list)
         for number in numbers:
-            for block in self._undamaged(number, self._topics):
-                by_topic[block.topic].append(block)
-        return {
-            name: self.readers[name].read(
-                blocks[0] if len(blocks) == 1 else joined([block.packed() for block in blocks])
-            )
-            for name, blocks in by_topic.items()
-        }
+            for batch in self._undamaged(number, self._topics):
+                by_topic[batch.topic].append(batch)
+        return {name: self.readers[name].read(joined(each)) for name, each in by_topic.items()}
 
     def messages(self, number: int, topic: str) -> list[Message]:
-        """Return the messages of a topic in a part; none of a damaged one."""
+        """Return the messages of a topic in a chunk; none of a damaged one."""
         return [*messages_of(self._undamaged(number, {topic}))]
 
-    def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
-        """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
+    def chunks_between(self, drill: str, start: float, end: float) -> Iterator[int]:
+        """Yield the numbers of chunks that may hold what a drill did from ``start`` to ``end`` [s].
 
-        Times are since the bag began. It reads some parts to find the others.
+        Times are since the bag began. It reads some chunks to find the others.
         """
-        for number in self.pieces_from(drill, start):
+        for number in self.chunks_from(drill, start):
             times = self.span(drill, number)
             if times is not None and times[0] > end + LATE:
                 return
             yield number
 
-    def pieces_from(self, drill: str, time: float, *, back: bool = False) -> Iterator[int]:
-        """Yield the numbers of parts from a time [s] on, to the end or to the beginning."""
-        held = self._held(drill, len(self.pieces))
-        end = partial(self._end, drill)
+    def chunks_from(self, drill: str, time: float, *, back: bool = False) -> Iterator[int]:
+        """Yield the numbers of chunks from a time [s] on, to the end or to the beginning."""
+        held, end = self._held[drill], partial(self._end, drill)
         if back:
             yield from reversed(held[: bisect_left(held, time + LATE, key=end) + 1])
         else:
             yield from held[bisect_left(held, time - LATE, key=end) :]
 
-    def elapsed(self, topic: str, rows: Rows) -> np.ndarray:
-        """Return the times of rows since the bag began [s]."""
-        clock = self.clocks[namespace(topic)]
-        if clock is None or not self.readers[topic].stamped:
-            return (rows.log_times - self.begin) / SECOND
-        return clock.elapsed(rows.stamps, rows.publish_times)
+    def times(self, topic: str, rows: Rows) -> np.ndarray:
+        """Return the times of rows since the bag began [ns]."""
+        line = self.time_lines[namespace(topic)]
+        if line is None or not self.readers[topic].stamped:
+            return rows.log_times - self.begin
+        return rows.stamps - line.offsets(rows.publish_times)
 
-    def time_of(self, message: Message, stamp: Any) -> float:
-        """Return the time since the bag began [s] of a stamp in a message."""
-        clock = self.clocks[namespace(message.topic)]
-        if clock is None:
-            return (message.log_time - self.begin) / SECOND
-        return clock.seconds(join_seconds(stamp.sec, stamp.nanosec), message.publish_time)
+    def offset(self, topic: str, published: int) -> int:
+        """Return the stamp of time zero that a message has by its publishing time [ns]."""
+        line = self.time_lines[namespace(topic)]
+        return line.offset(published) if line else self.begin
 
-    def run(self, message: Message) -> int:
-        """Return a number that messages of one run of a drill share."""
-        clock = self.clocks[namespace(message.topic)]
-        return clock.run(message.publish_time) if clock else 0
-
-    def end_of(self, found: PieceRows) -> float:
-        """Return the greatest time since the bag began of some rows [s]; 0 without any."""
-        times = [self.elapsed(topic, rows) for topic, rows in found.items()]
-        return max((float(each.max()) for each in times if len(each)), default=0.0)
-
-    def set_clock(self, message: Message, entry: Any, time: Any) -> bool:
-        """Tell a drill's clock an entry of its journal; return whether time goes on otherwise now.
-
-        Entries of before the bag, which a late recorder gets, tell the origin alone.
-        """
-        drill, published = namespace(message.topic), message.publish_time
-        if (clock := self.clocks[drill]) is None:
-            return False
-        stamp = join_seconds(entry.header.stamp.sec, entry.header.stamp.nanosec)
-        if published < self._begun[drill] - SECOND:
-            clock = RunClock(clock.zero)
-        elif clock.origin is None:
-            clock = RunClock(min(stamp, clock.zero))
-        self.clocks[drill] = clock
-        self._spans[drill].clear()
-        return clock.add(str(entry.kind), stamp, time, published)
-
-    def span(self, drill: str, number: int) -> tuple[float, float] | None:
-        """Return the first and the last time of a drill in a part [s]; None if it has none."""
-        if number not in self._spans[drill]:
-            times = [self.elapsed(name, rows) for name, rows in self._timed_rows(drill, number)]
-            ends = [(float(each.min()), float(each.max())) for each in times]
-            first, last = zip(*ends, strict=True) if ends else ((), ())
-            self._spans[drill][number] = (min(first), max(last)) if ends else None
-        return self._spans[drill][number]
+    def series(self, topic: str, columns: Sequence[str], numbers: Iterable[int]) -> np.ndarray:
+        """Return times [s] and columns of a topic in some chunks, in order of time: (1 + k, n)."""
+        found = [np.empty((1 + len(columns), 0))]
+        for number in numbers:
+            if (rows := self.rows(number).get(topic)) is not None:
+                none = np.full(len(rows.stamps), np.nan)
+                values = [rows.values.get(column, none) for column in columns]
+                found.append(np.array([self.times(topic, rows) / SECOND, *values]))
+        series = np.concatenate(found, axis=1)
+        return series[:, np.argsort(series[0], kind="stable")]
 
     def close(self) -> None:
         self.bag.close()
 
-    def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
-        """Return the messages of a topic in a part, as they came and decoded; no others."""
-        found = []
-        for message in self.messages(number, topic):
-            with suppress(BagError):
-                found.append((message, self.readers[topic].codec.decode(message.data)))
-        return found
-
-    def _numbers(self, drill: str, count: int) -> list[int]:
-        """Return which of the first parts hold topics of a drill."""
-        parts = enumerate(self.pieces[:count])
-        return [number for number, piece in parts if drill in map(namespace, piece.topics)]
-
     def _undamaged(self, number: int, topics: set[str]) -> list[SerializedBatch]:
-        """Return what a part holds of some topics, up to its damage; note the damage."""
-        found: list[SerializedBatch] = []
-        if not self.pieces[number].topics.isdisjoint(topics):
-            try:
-                found = self.pieces[number].batches(topics)
-            except BagError as error:
-                self.damages.setdefault(number, str(error))
-        return found
+        """Return what a chunk holds of some topics; note its damage."""
+        chunk = self.chunks[number]
+        if chunk.topics.isdisjoint(topics):
+            return []
+        try:
+            return chunk.batches(topics)
+        except BagError as error:
+            self.damages.setdefault(number, str(error))
+            return []
+
+    def _span(self, drill: str, number: int) -> tuple[float, float] | None:
+        """Return the first and the last time of a drill in a chunk [s]; None if it has none."""
+        found = [self.times(name, rows) for name, rows in self._timed_rows(drill, number)]
+        if not found:
+            return None
+        first, last = min(int(each.min()) for each in found), max(int(each.max()) for each in found)
+        return first / SECOND, last / SECOND
 
     def _end(self, drill: str, number: int) -> float:
         span = self.span(drill, number)
-        return span[1] if span else (self.pieces[number].end_time - self.begin) / SECOND
+        return span[1] if span else (self.chunks[number].end_time - self.begin) / SECOND
 
-    def _first_clock(self, drill: str) -> RunClock | None:
-        """Return the clock of a namespace by its first messages."""
-        for number in self._held(drill, len(self.pieces))[:SAMPLED]:
+    def _time_line(self, drill: str) -> TimeLine | None:
+        for number in self._held[drill][:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
             if found and self.readers[min(self._timed[drill])].stamped:
-                first = min(found, key=lambda rows: rows.stamps[0])
-                late = int(first.log_times[0]) - self.begin
-                self._begun[drill] = int(first.publish_times[0])
-                # A namespace may begin after the bag.
-                return RunClock(int(first.stamps[0]) - (late if late > SECOND else 0))
+                first = min(found, key=lambda rows: int(rows.stamps[0]))
+                return TimeLine(self._runs(drill, int(first.stamps[0])), first, self.begin)
         return None
 
+    def _runs(self, drill: str, first: int) -> list[RecordedRun]:
+        """Return the runs of a drill; one for all if the journal does not show them."""
+        journal = f"{drill}/journal"
+        try:
+            if journal in self.readers:
+                return runs_of(self.bag, journal)
+        except (BagError, RecordingError) as error:
+            self.unknown[drill] = str(error)
+        return [RecordedRun(str(self.path), journal, first_origin=first)]
+
     def _timed_rows(self, drill: str, number: int) -> list[tuple[str, Rows]]:
-        """Return what shows the time of a namespace in a part, by topic."""
+        """Return what shows the time of a namespace in a chunk, by topic."""
         rows = self.rows(number)
         return [(n, rows[n]) for n in self._timed[drill] & rows.keys() if len(rows[n].stamps)]
+
+
+class Reading:
+    """Reading of a bag into the histories of its drills.
+
+    At first it has a sample. ``look`` reads chunks anywhere in the bag, ``read_next`` the others.
+    """
+
+    def __init__(self, recording: RecordedBag, histories: Mapping[str, History]) -> None:
+        self._recording, self._histories = recording, histories
+        self._read: set[int] = set()  # numbers of chunks
+        self._next = iter(range(len(recording.chunks)))
+        self._until = 0.0  # time up to which all chunks were read [s]
+        self._seen = 0.0  # latest time of what was read [s]
+        self.unlisted = 0  # messages of faults beyond ``MOST_FAULTS``
+        last = recording.rows(len(recording.chunks) - 1) if recording.chunks else {}
+        expected = max(recording.bag.duration / SECOND, 1e-3)
+        names = [signal.name for signal in recording.signals]
+        fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
+        count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
+        self.bins = Bins(names, (self._end_of(last) or expected) * _SPARE / count, count)
+        for history in histories.values():
+            history.clear([self.bins])
+            history.time = expected
+        self._add_entries()
+        self._add_faults()
+        self.look(recording.sample)
+
+    @property
+    def complete(self) -> bool:
+        return len(self._read) == len(self._recording.chunks)
+
+    @property
+    def share(self) -> float:
+        """Part of the bag that was read, from 0 to 1; 1 only if all of it was."""
+        chunks = len(self._recording.chunks)
+        return 1.0 if self.complete else min(len(self._read) / chunks, 0.999)
+
+    def look(self, numbers: Iterable[int]) -> None:
+        """Read these chunks now, if they were not read yet."""
+        for number in [] if self.complete else {*numbers} - self._read:
+            self._add([number], self._recording.rows(number))
+
+    def read_next(self) -> bool:
+        """Read the next few chunks; return whether there were any."""
+        left = (number for number in self._next if number not in self._read)
+        if numbers := [*itertools.islice(left, _TOGETHER)]:
+            found = self._recording.rows_of(numbers)
+            self._until = max(self._until, self._end_of(found))
+            self._add(numbers, found)
+        return bool(numbers)
+
+    def gaps(self) -> list[tuple[float, float]]:
+        """Return where no signal has messages for much longer than usual, from and to [s].
+
+        Of an incomplete reading it returns nothing.
+        """
+        used, width = self.bins.used(), self.bins.width
+        steps = np.diff(used)
+        if not self.complete or len(steps) < _LEAST_STEPS:
+            return []
+        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        return [
+            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
+            for place in np.flatnonzero(steps > longest)
+        ]
+
+    def _add(self, numbers: Iterable[int], found: Mapping[str, Rows]) -> None:
+        """Add the rows of chunks."""
+        recording = self._recording
+        for topic, rows in found.items():
+            if len(rows.stamps):
+                times = recording.times(topic, rows)
+                self._seen = max(self._seen, float(times.max()) / SECOND)
+                self._histories[namespace(topic)].add(Batch(topic, times, rows.values))
+        self._read.update(numbers)
+        for history in self._histories.values():
+            history.time = self._seen or history.time
+            history.known = math.inf if self.complete else self._until
+            sampled = min(SAMPLED, len(recording.chunks))
+            history.samples = sampled / max(history.time or 0.0, 1e-9)
+
+    def _end_of(self, found: Mapping[str, Rows]) -> float:
+        """Return the greatest time of some rows [s]; 0 without any."""
+        times = [self._recording.times(topic, rows) for topic, rows in found.items()]
+        return max((float(each.max()) / SECOND for each in times if len(each)), default=0.0)
+
+    def _add_entries(self) -> None:
+        for drill, line in self._recording.time_lines.items():
+            for run, shift in zip(line.runs, line.shifts, strict=True) if line else ():
+                for entry, *_ in run.entries:
+                    time = (entry.time + shift) / SECOND
+                    self._histories[drill].add_entry(time, entry.kind, entry.content)
+
+    def _add_faults(self) -> None:
+        recording = self._recording
+        topics = {name for name, each in recording.readers.items() if each.type == FAULTS_TYPE}
+        with suppress(BagError):  # what comes before the damage is shown
+            messages = recording.bag.messages(topics) if topics else iter(())
+            for message in itertools.islice(messages, MOST_FAULTS):
+                history = self._histories[drill := namespace(message.topic)]
+                line = recording.time_lines[drill]
+                run = line.number(message.publish_time) if line else 0
+                try:
+                    decoded = recording.readers[message.topic].codec.decode(message.data)
+                    origin = recording.offset(message.topic, message.publish_time)
+                    history.add_faults(run, decoded.faults, origin)
+                # Another type of the same name, or another program wrote it.
+                except (AttributeError, BagError, TypeError, ValueError):
+                    history.unlisted += 1
+            self.unlisted = sum(1 for _ in messages)

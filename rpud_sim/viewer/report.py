@@ -31,10 +31,9 @@ from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
 from rpud_sim.viewer.commands import COMMAND
-from rpud_sim.viewer.recorded_store import RecordedStore
+from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
+from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
 from rpud_sim.viewer.recording import STATUS_TYPE
-from rpud_sim.viewer.session import ClientState, StoreError, View, encode
-from rpud_sim.viewer.views import Views
 
 BINS = 3000  # of a layer, at most
 MOMENTS = 12  # whose motion and numbers a report keeps
@@ -69,16 +68,17 @@ def write_report(
     """Write the report of a drill in a bag, the first by default, into a new file."""
     check_new_file(out)
     with RecordedStore(os.fspath(path)) as store:
-        bag = store.read_all()
+        store.read_all()
         client = ClientState(drill, View(None, 0.0, np.inf, BINS))
         try:
             store.open(client)
         except StoreError as error:
             raise RecordingError(str(error)) from None
-        recording, damages = bag.recording, Damages(bag.recording.bag)
+        recording, damages = store.recording, Damages(store.recording.bag)
+        history, frame = store.histories[client.drill], store.frame(client) or {}
         page = frozen_page(
             f"{Path(path).resolve().name} – report",
-            encode(_frame(bag, client.drill, store.frame(client) or {}, damages)),
+            encode(_frame(history, frame, damages)),
         )
         write_new_file(out, page)
         damaged = damages.texts
@@ -94,9 +94,9 @@ def write_report(
         return Reported(len(shown), sum(each.message_count for each in shown), left_out, damaged)
 
 
-def _frame(bag: Views, drill: str, frame: dict[str, Any], damages: Damages) -> dict[str, Any]:
+def _frame(history: RecordedDrill, frame: dict[str, Any], damages: Damages) -> dict[str, Any]:
     """Return the one frame of a report, from the first one of a screen."""
-    now = float(frame["now"])
+    now, drill = float(frame["now"]), history.drill
     others = [name for name in frame["drills"] if name != drill]
     frame |= {"number": 1, "mode": "frozen", "drills": [drill]}
     if others:
@@ -110,35 +110,33 @@ def _frame(bag: Views, drill: str, frame: dict[str, Any], damages: Damages) -> d
         plot["choices"] = known or plot["choices"][:1]
     choices = [choice for plot in frame["plots"] for choice in plot["choices"]]
     kinds = {layer["quantity"]: layer["kind"] for each in choices for layer in each["layers"]}
-    frame["view"] = bag.view(drill, 0.0, now, int(min(BINS, max(now / _FINEST, 1.0))), kinds)
+    frame["view"] = history.view(0.0, now, int(min(BINS, max(now / _FINEST, 1.0))), kinds)
     # Moments at the ends of equal parts of the run, and after faults.
     moments = np.linspace(0.0, now, MOMENTS + 1)[1:]
     for fault in frame["faults"][: MOMENTS // 2]:
         after = min(float(fault["onset"]) + 0.1, now)
         moments[np.argmin(np.abs(moments - after))] = after
-    frame["moments"] = [_moment(bag, drill, time) for time in np.unique(moments).tolist()]
+    frame["moments"] = [_moment(history, time) for time in np.unique(moments).tolist()]
     frame.pop("section", None)
-    frame["report"] = _report(bag, drill, frame, damages)
+    frame["report"] = _report(history, frame, damages)
     return frame
 
 
-def _moment(bag: Views, drill: str, time: float) -> dict[str, Any]:
-    section = bag.waveforms.section(drill, time)
-    frame = bag.moment(drill, time) | ({"section": section} if section else {})
+def _moment(history: RecordedDrill, time: float) -> dict[str, Any]:
+    section = history.section(time)
+    frame = history.moment(time) | ({"section": section} if section else {})
     return {"time": time, "frame": frame}
 
 
-def _report(
-    content: Views, drill: str, frame: Mapping[str, Any], damages: Damages
-) -> dict[str, Any]:
-    now, bins = float(frame["now"]), content.overview.bins
+def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) -> dict[str, Any]:
+    now, [bins] = float(frame["now"]), history.bins
     tables = []
-    if content.overview.impacts[drill].total:
-        tables.append(segment_table(content, drill, frame))
+    if history.impacts.total:
+        tables.append(segment_table(history, frame))
     means = {
         signal.column: bins.mean(signal.name, 0.0, now)
-        for signal in content.recording.signals
-        if signal.drill == drill and signal.type == STATUS_TYPE and signal.column.endswith("_power")
+        for signal in history.own_signals
+        if signal.type == STATUS_TYPE and signal.column.endswith("_power")
     }
     rows = [
         [name.replace("_", " "), f"{power * now:.4g}", _text("power", power)]
@@ -154,7 +152,7 @@ def _report(
         (MANIFEST_RECORD, manifest_from_record),
         (VERDICT_RECORD, tested_from_record),
     ):
-        for record in damages.records(content.recording.bag, name):
+        for record in damages.records(history.recording.bag, name):
             try:
                 found = read(record)
             except BagFormatError as error:
@@ -224,10 +222,10 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table:
+def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
     """Return statistics of each segment between commands and faults of a frame."""
     end, faults = float(frame["now"]), frame["faults"]
-    impacts, bins = content.overview.impacts[drill], content.overview.bins
+    impacts, [bins] = history.impacts, history.bins
     moments = [entry["time"] for entry in frame["log"] if entry["kind"] == COMMAND]
     moments += [fault[name] for fault in faults for name in ("onset", "end")]
     begins = [0.0]
@@ -249,7 +247,7 @@ def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table
             spread = peaks.mean(), *np.quantile(peaks, (0.5, 0.95)), peaks.max()
             figures["peak_force"] = [float(each) for each in spread]
         for name in ("reacting_force", "absorbed_power"):
-            signal = content.signal(drill, name)
+            signal = history.signal(name)
             figures[name] = [bins.mean(signal.name, begin, until) if signal else math.nan]
         row = [f"{begin:.3f}", f"{until:.3f}", _in_force(frame.get("steps", {}), begin + _NEAR)]
         row += [_active(faults, begin + _NEAR) or "none", str(count)]

@@ -1,7 +1,4 @@
-"""Server of the screen: this machine alone, or others with a token.
-
-It has the screen and its modules, and one WebSocket for each browser.
-"""
+"""Server of the screen: this machine alone, or others with a token; one session a browser."""
 
 from __future__ import annotations
 
@@ -9,6 +6,7 @@ import asyncio
 import errno
 import hmac
 import ipaddress
+import json
 import logging
 import secrets
 import signal
@@ -28,11 +26,13 @@ from tornado.httputil import HTTPHeaders
 from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from rpud_sim.foundation.quantities import ExpectedError
-from rpud_sim.viewer.session import LONGEST_REQUEST, RequestError, Session, Store
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, for_browser
+from rpud_sim.foundation.terminal import printable
+from rpud_sim.viewer.frames import ClientState, Store, StoreError, View, encode
 
 DEFAULT_PORT = 8810
 LOOPBACK = "127.0.0.1"
+PERIOD = 0.1  # between frames, at least [s]
 
 _SHARE = Path(__file__).parent / "share"
 _SERVED = (".css", ".html", ".js")
@@ -40,6 +40,12 @@ _MOST_PAGES = 64
 _TOKEN_BYTES = 24
 _WRONG_REQUEST, _TOO_MANY, _FAILED = 1008, 1013, 1011  # codes with which a socket closes
 _PING = 20.0  # a browser that does not answer for so long has gone [s]
+
+_LONGEST_REQUEST = 4096  # bytes
+_MOST_WIDTH = 4000  # px
+_MOST_NAME = 256  # characters
+_MOST_CHOICES = 32
+_GREATEST = 1e12  # number that a page sends: the difference of any two can be divided finely
 
 _HEADERS = {  # of every answer; no page of another site may show this one, and catch its clicks
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -143,7 +149,7 @@ class PageServer:
             transforms=[_Headers, web.GZipContentEncoding],
             default_handler_class=web.ErrorHandler,
             default_handler_args={"status_code": HTTPStatus.NOT_FOUND},
-            websocket_max_message_size=LONGEST_REQUEST,
+            websocket_max_message_size=_LONGEST_REQUEST,
             websocket_ping_interval=_PING,
         )
         http = HTTPServer(application)
@@ -225,9 +231,13 @@ class _Shared(_Guarded, web.StaticFileHandler):
 
 
 class _Frames(_Guarded, WebSocketHandler):
-    """WebSocket of one browser."""
+    """WebSocket of one browser: its requests, and its frames.
 
-    _session: Session | None = None
+    A frame is sent when the one before was acknowledged, so that a slow browser gets fewer, and
+    delays nobody.
+    """
+
+    _task: asyncio.Task[None] | None = None  # none if there are too many pages
 
     def check_origin(self, origin: str) -> bool:
         return True  # the guard has checked it
@@ -237,32 +247,137 @@ class _Frames(_Guarded, WebSocketHandler):
             self.close(_TOO_MANY, f"{_MOST_PAGES} pages are open already")
             return
         self.server.pages += 1
-        drill = self.get_query_argument("namespace", "")
-        self._session = Session(self.server.store, self.server.work, self._send, drill)
-        self._task = asyncio.create_task(self._run(self._session))
+        self._client = ClientState(self.get_query_argument("namespace", ""))
+        # What the first frame has besides.
+        self._first: dict[str, Any] = {"mode": self.server.store.mode, "quantities": for_browser()}
+        self._number = 0  # of the last frame
+        self._acknowledged = asyncio.Event()
+        self._refused = (0, "")  # number of refusals, and the reason of the last one
+        self._task = asyncio.create_task(self._run())
         self._task.add_done_callback(self._end)  # also of one that is cancelled before it begins
 
-    async def _run(self, session: Session) -> None:
+    async def _run(self) -> None:
         with suppress(WebSocketClosedError):
-            await session.run()
+            try:
+                await self._send_frames()
+            except StoreError as error:
+                await self._send({**self._first, "error": str(error)})
+            except WebSocketClosedError:
+                raise
+            except Exception as error:
+                failed = f"the server has failed: {_one_line(error)}"
+                await self._send({**self._first, "error": failed})
+                raise
+
+    async def _send_frames(self) -> None:
+        work, clock, refused = self.server.work, asyncio.get_running_loop().time, 0
+        await work(self.server.store.open, self._client)
+        while True:
+            due = clock() + PERIOD
+            frame = {**self._first, **await work(self._fields)}
+            if refused != self._refused[0]:
+                frame["refused"], refused = self._refused, self._refused[0]
+            if frame:
+                self._first = {}
+                self._acknowledged.clear()
+                await self._send(frame)
+                await self._acknowledged.wait()
+            await asyncio.sleep(due - clock())
+
+    def _fields(self) -> dict[str, Any]:
+        fields = self.server.store.frame(self._client) or {}
+        if "section" in fields:
+            self._client.section = False
+        return fields
+
+    async def _send(self, frame: dict[str, Any]) -> None:
+        self._number += 1
+        await self.write_message(encode({"number": self._number, **frame}), binary=True)
 
     def _end(self, _: asyncio.Task[None]) -> None:
         self.server.pages -= 1
         self.close(_FAILED, "there are no more frames")
 
-    async def _send(self, frame: bytes) -> None:
-        await self.write_message(frame, binary=True)
+    def on_close(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
 
     async def on_message(self, message: str | bytes) -> None:
+        if self._task is None:
+            return
         try:
-            if self._session is not None:
-                await self._session.hear(message)
-        except RequestError as error:
-            self.close(_WRONG_REQUEST, str(error)[:100])
+            await self._do(json.loads(message))
+        except (ParameterError, StoreError) as error:
+            self._refused = self._refused[0] + 1, str(error)
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+            self.close(_WRONG_REQUEST, f"wrong request: {_one_line(error)}"[:100])
 
-    def on_close(self) -> None:
-        if self._session is not None:
-            self._task.cancel()
+    async def _do(self, asked: Any) -> None:
+        """Do what a browser asks; what no page of this program sends is an error."""
+        client, request = self._client, self.server.store.request
+        match next(iter(asked), None):
+            case "ack":
+                if asked["ack"] == self._number:
+                    self._acknowledged.set()
+            case "view" | "choices":
+                if "view" in asked:
+                    client.view = _view(asked["view"])
+                if "choices" in asked:
+                    client.choices = _choices(asked["choices"])
+            case "playhead":
+                client.playhead = _number(asked["playhead"])
+            case "section":
+                client.section = bool(asked["section"])
+            case "seek":
+                if asked["seek"] not in ("next", "previous"):
+                    raise ValueError("seek")
+                content = {"to": asked["seek"], "from": _number(asked["from"])}
+                await self.server.work(request, client, "seek", content)
+            case "act":
+                arguments = asked.get("arguments", {})
+                if not isinstance(arguments, dict):
+                    raise ValueError("arguments")
+                content = {"name": _text(asked["act"]), "arguments": arguments}
+                await self.server.work(request, client, "act", content)
+            case name:
+                raise ValueError(name)
+
+
+def _view(asked: dict[str, Any]) -> View:
+    width = int(min(max(_number(asked["width"]), 1.0), _MOST_WIDTH))
+    if "follow" in asked:
+        follow = _number(asked["follow"])
+        if follow <= 0.0:
+            raise ValueError("follow")
+        return View(follow, width=width)
+    start, end = _number(asked["start"]), _number(asked["end"])
+    if not start < end:
+        raise ValueError("start and end")
+    return View(None, start, end, width)
+
+
+def _choices(asked: dict[str, Any]) -> dict[str, str]:
+    if len(asked) > _MOST_CHOICES:
+        raise ValueError("choices")
+    return {_text(plot): _text(choice) for plot, choice in asked.items()}
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError("this is not a number")
+    if not abs(value) <= _GREATEST:
+        raise ValueError("this number is too great, or none")
+    return float(value)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or len(value) > _MOST_NAME:
+        raise ValueError("this is not a name")
+    return value
+
+
+def _one_line(error: BaseException) -> str:
+    return printable(" ".join(f"{type(error).__name__}: {error}".split()))[:_MOST_NAME]
 
 
 def _parts(url: str) -> SplitResult:

@@ -1,6 +1,7 @@
 """The screen as a report: it answers from the frame that the file holds, without a server."""
 
 import base64
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +15,9 @@ from browser.screens import (
     until_screen,
     view_of,
 )
+from rpud_sim.viewer.frames import encode, plots_of
 
 from rpud_sim.foundation.quantities import QUANTITIES, for_browser
-from rpud_sim.viewer.picture import drill_plots
-from rpud_sim.viewer.session import encode
 
 pytestmark = pytest.mark.extended
 
@@ -57,7 +57,7 @@ def frame():
     return {
         "mode": "frozen",
         "quantities": for_browser(),
-        "plots": drill_plots(layers.__contains__),
+        "plots": plots_of(SimpleNamespace(has=layers.__contains__, others=list, is_drill=True)),
         "drill": "/rpud",
         "drills": ["/rpud"],
         "run": 1,

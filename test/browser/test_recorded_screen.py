@@ -1,6 +1,5 @@
 """The screen of a bag in a real browser: playhead, playing, and zooming down to one contact."""
 
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -181,12 +180,3 @@ def test_it_can_be_read_by_everybody(recorded, width):
         page.settle()
         page.keep(f"bag_{width}_{scheme}")
         page.check()
-
-
-def test_a_bag_that_is_deleted_while_it_is_shown_is_said_so(recorded, drilled):
-    page = recorded()
-    shutil.rmtree(drilled.path)
-    text_has(page, "#banner", "was deleted")
-    of_screen(page, "screen.zoom(5.0, 5.01)")
-    until_screen(page, "screen.seen.view.detail === 'waveform'")
-    page.assert_quiet()

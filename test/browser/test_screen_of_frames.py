@@ -5,11 +5,10 @@ from collections import deque
 import numpy as np
 import pytest
 from browser.screens import of_screen, until_screen
+from rpud_sim.viewer.frames import Store
+from rpud_sim.viewer.history import MOTION
 from support import until
 from viewer.screen_client import serving
-
-from rpud_sim.viewer.picture import MOTION
-from rpud_sim.viewer.session import Store
 
 pytestmark = pytest.mark.extended
 

@@ -6,15 +6,12 @@ from pathlib import Path
 
 import pytest
 from rpud_msgs.msg import Status
-from rpud_sim.recorded.verify.verification import verify
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.recorded.verify import verify
 from rpud_sim.ros.client import DrillClient, RefusedError
-from rpud_sim.testing import (
-    ExpectationFailedError,
-    SystemUnderTestError,
-)
+from rpud_sim.testing import ExpectationFailedError, SystemUnderTestError
 from rpud_sim.testing.artefacts import write_bag
 from rpud_sim.testing.setup import drill_setup
 from rpud_sim.verdicts import Expectation, Record, always, evaluate

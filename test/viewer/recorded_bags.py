@@ -14,6 +14,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
+from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
 FORCE = "rpud_msgs/msg/ReactingForce"
@@ -34,6 +35,7 @@ class ForceRecorder:
         self._codec = Codec(FORCE, find_definition(FORCE))
         self._bag = BagWriter(path, chunk_size=chunk_size)
         self._topics: set[str] = set()
+        self._entries = 0
 
     def write(self, rows, topic="/rpud/reacting_force") -> None:
         """Write messages: rows are log time [ns], stamp [ns] and value [N]."""
@@ -43,11 +45,13 @@ class ForceRecorder:
             self._bag.write_message(topic, data, log_time, log_time)
         self._bag.flush()
 
-    def tell(self, log_time, published, kind, stamp, time) -> None:
-        """Write an entry of the journal; its times are in nanoseconds."""
+    def tell(self, published, kind, stamp, time, **content) -> None:
+        """Write the next entry of the journal, received later; times are in nanoseconds."""
         self._declare("/rpud/journal", JOURNAL)
-        content = json.dumps({"time": time})
-        fields = {"header": header(stamp), "sequence": 0, "kind": kind, "content": content}
+        number = self._entries = self._entries + 1
+        text, log_time = json.dumps({"time": time, **content}), published + 1
+        top = header(stamp, TOPICS["journal"].frame)
+        fields = {"header": top, "sequence": number - 1, "kind": kind, "content": text}
         data = Codec(JOURNAL, find_definition(JOURNAL)).encode(fields)
         self._bag.write_message("/rpud/journal", data, log_time, published)
 
@@ -62,8 +66,8 @@ class ForceRecorder:
         self._bag.close()
 
 
-def header(stamp):
-    return {"stamp": {"sec": stamp // SECOND, "nanosec": stamp % SECOND}, "frame_id": "f"}
+def header(stamp, frame="f"):
+    return {"stamp": {"sec": stamp // SECOND, "nanosec": stamp % SECOND}, "frame_id": frame}
 
 
 def write_forces(path: Path, rows, *, topic="/rpud/reacting_force", chunk_size=400) -> Path:

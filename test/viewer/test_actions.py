@@ -3,7 +3,7 @@
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.viewer.live_drill import Actions, plain_refusal
+from rpud_sim.viewer.live import Actions, plain_refusal
 
 
 @pytest.mark.parametrize("name", ["close", "set_parameters", "__init__", "node"])

@@ -10,10 +10,9 @@ from viewer.screen_client import ClosedError, ScreenClient, serving
 
 from rpud_sim.ros.client import DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import DrillFinder
-from rpud_sim.viewer.heard import Heard
-from rpud_sim.viewer.live_drill import LiveDrill
-from rpud_sim.viewer.live_store import LiveStore
-from rpud_sim.viewer.session import ClientState, StoreError
+from rpud_sim.viewer.frames import ClientState, StoreError
+from rpud_sim.viewer.live import LiveDrill, LiveStore
+from rpud_sim.viewer.live_history import LiveHistory
 
 NAMESPACE = "/live_drill"
 
@@ -115,7 +114,7 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
 
 
 def test_kinds_of_faults_are_asked_for_until_the_drill_answers(drill, monkeypatch):
-    answered, latched, refusals = DrillClient.list_faults, Heard.latched, iter(["busy"])
+    answered, latched, refusals = DrillClient.list_faults, LiveHistory.latched, iter(["busy"])
 
     def answer(client):
         for reason in refusals:
@@ -127,7 +126,7 @@ def test_kinds_of_faults_are_asked_for_until_the_drill_answers(drill, monkeypatc
             latched(heard, topic, message)
 
     monkeypatch.setattr(DrillClient, "list_faults", answer)
-    monkeypatch.setattr(Heard, "latched", without_journal)
+    monkeypatch.setattr(LiveHistory, "latched", without_journal)
     with closing(LiveDrill(NAMESPACE)) as found:
         until(lambda: found.kinds)
 
@@ -187,7 +186,7 @@ def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
 
 
 def test_pages_share_one_drill_and_one_that_has_gone_leaves_its_place(drill, monkeypatch):
-    monkeypatch.setattr("rpud_sim.viewer.live_store.MOST_DRILLS", 1)
+    monkeypatch.setattr("rpud_sim.viewer.live.MOST_DRILLS", 1)
     with DrillFinder() as finder:
         store = LiveStore(finder, NAMESPACE)
         try:

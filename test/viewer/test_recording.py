@@ -1,27 +1,31 @@
-"""Bags as they come: damaged, empty, with several clocks."""
+"""Bags as they come: damaged, empty, read in parts, with several runs and drills."""
 
 from contextlib import closing
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from sample_bags import write_bag
 from viewer.recorded_bags import SECOND, ForceRecorder, rows_of, write_forces
 
-from rpud_sim.viewer import overview as overviews
+from rpud_sim.recorded.runs import RecordedEntry, RecordedRun
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.plan import Beginning
 from rpud_sim.viewer import recording as recordings
-from rpud_sim.viewer.overview import Overview
-from rpud_sim.viewer.recorded_store import RecordedStore
-from rpud_sim.viewer.recording import RecordedBag
-from rpud_sim.viewer.session import ClientState
+from rpud_sim.viewer.frames import ClientState
+from rpud_sim.viewer.recorded import RecordedStore
+from rpud_sim.viewer.recording import RecordedBag, Rows, TimeLine
 
 STEP = 10_000_000
 
 
 def times_of(recording):
-    """Return the times since the bag began of all messages, part by part."""
+    """Return the times since the bag began of all messages, chunk by chunk [s]."""
     found = [
-        recording.elapsed(topic, each)
-        for number in range(len(recording.pieces))
+        recording.times(topic, each) / SECOND
+        for number in range(len(recording.chunks))
         for topic, each in recording.rows(number).items()
     ]
     return np.sort(np.concatenate(found))
@@ -66,7 +70,7 @@ def test_parts_of_a_range_are_found_also_where_time_passes_at_another_speed(tmp_
             values = np.concatenate(
                 [
                     each.values["force"]
-                    for number in recording.pieces_between("/rpud", start, end)
+                    for number in recording.chunks_between("/rpud", start, end)
                     for each in recording.rows(number).values()
                 ]
             )
@@ -87,88 +91,128 @@ def forces(values):
     return [(number * STEP, number * STEP, value) for number, value in enumerate(values)]
 
 
-def read_all(overview):
-    while not overview.complete:
-        overview.read_next()
-    return overview
-
-
-def whole(overview, parts=1000):
-    """Return the envelope of the only signal."""
-    (signal,) = overview._recording.signals
-    return overview.bins.view(signal.name, 0.0, overview.end, parts)
+def seen(store, parts=1000):
+    """Return the envelope of the force."""
+    (drill,) = store.histories.values()
+    (signal,) = [each for each in drill.own_signals if each.column == "force"]
+    return store.reading.bins.view(signal.name, 0.0, drill.time, parts)
 
 
 @pytest.mark.parametrize("sampled", [1, 5])
-def test_each_value_counts_once_whether_it_was_sampled_or_not(tmp_path, monkeypatch, sampled):
+def test_each_value_counts_once_and_a_part_is_never_called_the_whole(
+    tmp_path, monkeypatch, sampled
+):
     monkeypatch.setattr(recordings, "SAMPLED", sampled)
     values = np.random.default_rng(1).normal(size=500)
-    with closing(RecordedBag(write_forces(tmp_path / "bag", forces(values)))) as recording:
-        overview = Overview(recording)
-        overview.look(recording.sample)
-        read_all(overview)
-        (envelope,) = [whole(overview, 1)]
+    with RecordedStore(write_forces(tmp_path / "bag", forces(values))) as store:
+        while not store.reading.complete:
+            assert store.reading.share < 1.0
+            assert store.reading.gaps() == []
+            shown = seen(store)
+            assert set(shown["low"][np.isfinite(shown["low"])]) <= set(values)
+            store.reading.read_next()
+        assert store.reading.share == 1.0
+        envelope = seen(store, 1)
         assert (envelope["low"].min(), envelope["high"].max()) == (values.min(), values.max())
-        times = np.arange(500) * 0.01
-        parts = np.searchsorted(times, envelope["t"])
-        assert envelope["mean"][0] == pytest.approx(values[: 2 * parts[0]].mean(), abs=0.05)
-
-
-def test_a_part_of_the_bag_is_never_called_the_whole(tmp_path, monkeypatch):
-    monkeypatch.setattr(recordings, "SAMPLED", 3)
-    with closing(
-        RecordedBag(write_forces(tmp_path / "bag", forces(np.arange(150.0))))
-    ) as recording:
-        overview = Overview(recording)
-        overview.look(recording.sample)
-        while not overview.complete:
-            assert overview.share < 1.0
-            assert overview.gaps() == []
-            shown = whole(overview)
-            assert set(shown["low"][np.isfinite(shown["low"])]) <= set(np.arange(150.0))
-            overview.read_next()
-        assert overview.share == 1.0
+        part = np.searchsorted(np.arange(500) * 0.01, envelope["t"][0])
+        assert envelope["mean"][0] == pytest.approx(values[: 2 * part].mean(), abs=0.05)
 
 
 def test_gaps_are_where_messages_are_missing(tmp_path):
     rows = [row for row in forces(np.ones(1000)) if not 3 * SECOND < row[0] < 5 * SECOND]
-    with closing(RecordedBag(write_forces(tmp_path / "bag", rows))) as recording:
-        overview = read_all(Overview(recording))
-        ((start, end),) = overview.gaps()
+    with RecordedStore(write_forces(tmp_path / "bag", rows)) as store:
+        store.read_all()
+        ((start, end),) = store.reading.gaps()
         assert abs(start - 3.0) < 0.02
         assert abs(end - 5.0) < 0.02
 
 
-def test_a_run_after_a_reset_follows_the_one_before(tmp_path, monkeypatch):
-    """Twenty seconds, after twelve of which stamps begin again, as the journal tells at its end."""
-    monkeypatch.setattr(overviews, "AT_ONCE", 1)
+def test_a_run_after_a_reset_follows_the_one_before(tmp_path):
+    """Twenty seconds, after twelve of which stamps begin again."""
     recorder = ForceRecorder(tmp_path / "bag", 4000)
-    recorder.tell(0, 0, "begin", 0, 0)
+    begin = Beginning(Settings()).to_journal()
+    recorder.tell(0, "begin", 0, 0, **begin)
     recorder.write([(number * STEP, number * STEP, float(number)) for number in range(1200)])
     reset = 1200 * STEP
-    for kind, stamp in (("flush", reset), ("begin", 0)):
-        recorder.tell(reset, reset, kind, stamp, stamp)
-    recorder.write([(reset + n * STEP, n * STEP, 1200.0 + n) for n in range(800)])
+    recorder.tell(reset, "flush", reset, reset)
+    recorder.tell(reset + 1, "begin", 0, 0, **begin)
+    recorder.write([(reset + 1 + n * STEP, n * STEP, 1200.0 + n) for n in range(800)])
+    recorder.tell(reset + 800 * STEP, "end", 800 * STEP, 800 * STEP)
     recorder.close()
-    with closing(RecordedBag(recorder.path)) as recording:
-        shown = whole(read_all(Overview(recording)))
+    with RecordedStore(recorder.path) as store:
+        store.read_all()
+        shown = seen(store)
         valid = np.isfinite(shown["mean"])
         assert np.abs(shown["mean"][valid] - 100.0 * shown["t"][valid]).max() < 10.0
+        client = ClientState()
+        store.open(client)
+        log = store.frame(client)["log"]
+    assert [(each["time"], each["text"]) for each in log] == [
+        (0.0, "a run begins"), (12.0, "a run begins"), (20.0, "the drill stops"),
+    ]  # fmt: skip
 
 
-def test_a_late_recording_begins_at_zero_and_pauses_take_no_time(tmp_path):
+def test_a_journal_that_shows_no_runs_is_named(tmp_path):
     recorder = ForceRecorder(tmp_path / "bag")
-    begin, late = 500 * SECOND, 900 * SECOND  # stamps, which are real times
-    recorder.tell(late, begin, "begin", begin, 0)
-    recorder.tell(late, begin + 100 * SECOND, "begin", begin + 100 * SECOND, 0)
-    recorder.write([(late + n * STEP, late + n * STEP, float(n)) for n in range(100)])
-    resumed = late + 61 * SECOND
-    recorder.write([(resumed, resumed, 100.0)])  # it is sent before the entry
-    recorder.tell(resumed + 1, resumed + 1, "origin", resumed, 301 * SECOND)
-    recorder.write([(resumed + STEP, resumed + STEP, 101.0)])
+    recorder.tell(0, "weight_on_bit", 0, 0, force=3.0)
+    recorder.write(rows_of(100, stamp=SECOND))
     recorder.close()
-    with closing(RecordedBag(recorder.path)) as recording:
-        overview = read_all(Overview(recording))
-        assert overview.end == pytest.approx(1.01)
-        times = np.unique(times_of(recording).round(6))  # of entries before it as well
-        assert times[times >= 0.0] == pytest.approx(np.arange(102) * 0.01)
+    frame = first_frame(recorder.path)
+    assert "Its runs are not known" in frame["notice"]
+    assert frame["now"] == pytest.approx(0.99)
+
+
+def run_of(number, entries, window, end):
+    """Return a run of entries: kind, stamp, simulation time and publishing time."""
+    found = tuple(
+        RecordedEntry(JournalEntry(n, time, kind, {"origin": stamp - time}), stamp, "", sent, sent)
+        for n, (kind, stamp, time, sent) in enumerate(entries)
+    )
+    return RecordedRun("bag", "/rpud/journal", number, 2, found, window, end)
+
+
+def first_of(stamp, published):
+    return Rows(*(np.array([each]) for each in (published, published, stamp)), {})
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["pause", "begin", "stamps"]),
+            st.integers(2, 10 * SECOND),  # of simulation time
+            st.integers(1, 100 * SECOND),  # of real time, in which the drill stands
+        ),
+        max_size=8,
+    )
+)
+def test_time_goes_on_as_that_of_the_simulation(changes):
+    origin = published = begun = 1_700_000_000 * SECOND
+    now = passed = 0
+    entries, runs, stamps, sent, expected = [("begin", origin, 0, published)], [], [], [], []
+    entries.append(("origin", origin, 0, published))
+    for kind, length, stands in [*changes, ("begin", 2, 1)]:
+        for part in (0, length // 2, length):
+            stamps.append(origin + now + part)
+            sent.append(published + part)
+            expected.append(passed + part)
+        now, published, passed = now + length, published + length + stands, passed + length
+        if kind == "begin":
+            runs.append(run_of(len(runs) + 1, entries, (begun, published - 1), now))
+            now, origin, begun, entries = 0, published, published, []
+        elif kind == "pause":
+            origin += stands
+        else:
+            origin = -now
+        entries += [(each, origin + now, now, published) for each in ("begin", "origin")]
+    line = TimeLine(runs, first_of(stamps[0], sent[0]), sent[0])
+    assert (np.array(stamps) - line.offsets(np.array(sent))).tolist() == expected
+
+
+def test_a_late_recording_begins_at_zero_and_what_came_before_its_first_run_is_shown():
+    whole = run_of(1, [("begin", 0, 0, 0), ("origin", 0, 0, 0)], (0, 500), 500)
+    last = run_of(2, [("begin", 7, 0, 501), ("origin", 7, 0, 501)], (501, 2**62), 90)
+    late = TimeLine([whole, last], first_of(47, 541), 541)
+    assert late.offset(541) == 47
+    assert (late.number(541), len(late.runs)) == (0, 1)
+    torn = TimeLine([last], first_of(400, 401), 401)  # the beginning of its first run is missing
+    assert [torn.offset(401), torn.offset(501)] == [400, 7 - 100]

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rpud_sim.simulation.plans import Planned
 from viewer.frame_reader import decode
 from viewer.recorded_bags import rewritten
 
@@ -17,12 +16,11 @@ from rpud_sim.bag.metadata import VERDICT_RECORD, RunVerdict
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
+from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.scenario_file import read_scenario
-from rpud_sim.viewer.report import (
-    write_report,
-)
+from rpud_sim.viewer.report import write_report
 
 SECOND = 1_000_000_000
 DURATION = 2.0
@@ -35,9 +33,8 @@ def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     (folder / "scenario.yaml").write_text(SCENARIO)
     scenario = read_scenario(folder / "scenario.yaml")
-    planned = (Planned(SECOND // 2, WeightOnBit(20.0)),)
-    beginning = Beginning(Settings(), scenario=scenario)
-    write_offline_bag(folder / "bag", beginning, DURATION, planned=planned)
+    plan = Plan(Beginning(Settings(), faults=scenario), (Change(SECOND // 2, WeightOnBit(20.0)),))
+    write_offline_bag(folder / "bag", plan, DURATION)
     return folder / "bag"
 
 

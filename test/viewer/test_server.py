@@ -20,8 +20,8 @@ from viewer.screen_client import ClosedError, ScreenClient, serving
 
 import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.viewer.frames import StoreError, View, encode
 from rpud_sim.viewer.server import PageServer, Place, ServerError
-from rpud_sim.viewer.session import StoreError, View, encode
 
 SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 

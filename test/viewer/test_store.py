@@ -24,10 +24,11 @@ from rpud_sim.recorded import offline_bag
 from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Settings, to_configuration
-from rpud_sim.simulation.run import Beginning
-from rpud_sim.viewer.recorded_store import RecordedStore
-from rpud_sim.viewer.session import ClientState, StoreError, View, encode
-from rpud_sim.viewer.views import MESSAGES, WAVEFORM, WAVEFORM_RANGE
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
+from rpud_sim.viewer.recorded import MESSAGES, WAVEFORM, WAVEFORM_RANGE, RecordedStore
+
+pq = pytest.importorskip("pyarrow.parquet")
 
 RATE = 1_000_000
 DRILL = "/rpud"
@@ -42,7 +43,7 @@ def store(drill_bag):
 
 @pytest.fixture(scope="module")
 def waveforms(store):
-    return store._bag.waveforms
+    return store.histories[DRILL].waveforms
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,7 @@ def viewed(store, start, end, width=800):
 @settings(max_examples=25)
 def test_samples_of_any_range_are_those_of_rebuild_bit_for_bit(waveforms, rebuilt, start, length):
     first, channels = rebuilt
-    (stretch,) = waveforms.between(DRILL, start, start + length, RATE)
+    (stretch,) = waveforms.between(start, start + length, RATE)
     begin, end = int(np.ceil(start * RATE)), int(np.floor((start + length) * RATE)) + 1
     assert stretch.times.tolist() == [number / RATE for number in range(begin, end)]
     for name, values in channels.items():
@@ -134,7 +135,7 @@ def test_between_waveform_and_overview_every_message_is_drawn(store, impacts):
 
 
 def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch):
-    monkeypatch.setattr("rpud_sim.viewer.views.MESSAGES_RANGE", 1.0)
+    monkeypatch.setattr("rpud_sim.viewer.recorded.MESSAGES_RANGE", 1.0)
     monkeypatch.setattr("rpud_sim.viewer.recording.SAMPLED", 5)
     with RecordedStore(drill_bag) as store:
         frame = asked(store)
@@ -200,9 +201,7 @@ def test_a_command_that_is_read_later_is_in_a_near_view(drill_bag):
         client = ClientState(view=View(None, 0.5, 0.6), playhead=0.5)
         store.open(client)
         assert store.frame(client)["steps"]["weight_on_bit"]["v"].tolist() == [8.0]
-        overview = store._bag.overview
-        overview.commands[DRILL].add(0.55, "weight_on_bit", {"force": 20.0})
-        overview.version += 1
+        store.histories[DRILL].add_entry(0.55, "weight_on_bit", {"force": 20.0})
         assert store.frame(client)["steps"]["weight_on_bit"]["v"].tolist() == [8.0, 20.0]
 
 
@@ -214,12 +213,12 @@ def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
         lambda m: [] if m.topic == "/rpud/trajectory" and next(numbers) == 4 else [m.data],
     )
     with RecordedStore(path) as store:
-        before, after = store._bag.waveforms.between(DRILL, 0.1, 0.4, 100_000)
+        before, after = store.histories[DRILL].waveforms.between(0.1, 0.4, 100_000)
         assert after.times[0] - before.times[-1] > 0.04  # a block has 50 ms
         assert np.isnan(viewed(store, 0.16, 0.21)["layers"]["contact_force"]["mean"]).sum() <= 1
         begin = after.times[0]  # of the first segment after the loss
         assert 0.2 < begin < 0.2501
-        section = store.read_all().waveforms.section(DRILL, begin + 0.01)
+        section = store.histories[DRILL].section(begin + 0.01)
         assert len(section["free_mass"]) == pytest.approx(600, abs=5)
         assert section["time"] == pytest.approx(begin, abs=1e-4)
 
@@ -279,7 +278,7 @@ def test_no_bag_is_one_line(capsys, tmp_path):
 def test_a_drill_in_strata_shows_its_hole(tmp_path):
     strata = Strata((preset_layer("regolith"), preset_layer("chalk", 0.002))).to_text()
     settings = Settings(to_configuration({"rotation_model": "friction_drive", "strata": strata}))
-    offline_bag.write_offline_bag(tmp_path / "bag", Beginning(settings), 3.0)
+    offline_bag.write_offline_bag(tmp_path / "bag", Plan(Beginning(settings)), 3.0)
     with RecordedStore(tmp_path / "bag") as store:
         store.read_all()
         frame = asked(store, playhead=2.5)
@@ -320,8 +319,9 @@ def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
     write_offline_bag(tmp_path / "free", preset("free"), 0.5)
     with RecordedStore(tmp_path / "free") as opened:
         opened.read_all()
-        first = opened._bag.waveforms.next_impact(DRILL, 0.2)["time"]
-        shown = opened._bag.view(DRILL, first - 1e-5, first + 1e-5, 500, ["peak_force"])
+        drill = opened.histories[DRILL]
+        first = drill.waveforms.next_impact(0.2)["time"]
+        shown = drill.view(first - 1e-5, first + 1e-5, 500, {"peak_force": "band"})
     assert shown["detail"] == WAVEFORM
     assert len(shown["layers"]["peak_force"]["t"]) == 1
     assert "free_mass" in shown["layers"]

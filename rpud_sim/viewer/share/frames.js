@@ -30,7 +30,7 @@
  * @typedef {{
  *   number: number, mode?: "live" | "recorded" | "frozen", quantities?: Quantity[],
  *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number,
- *   extent?: [number, number], read?: number, growing?: boolean,
+ *   extent?: [number, number], read?: number,
  *   connection?: {state: "searching" | "connected" | "vanished", since: number, reason: string},
  *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,
  *   numbers?: Record<string, NumberOf | null>, faults?: Fault[],

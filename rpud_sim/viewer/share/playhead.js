@@ -15,7 +15,7 @@ export class Playhead {
     this.time = 0; // [s]
     this.moved = false; // by the reader; before, it is at the end, as of a live drill
     this.playing = 0; // when it moved last [ms]; 0 while it stands
-    /** @type {[number, number, boolean]} */ this.whole = [0, 0, false]; // ends of the recording, and whether it grows
+    /** @type {[number, number]} */ this.whole = [0, 0]; // ends of the recording
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
     element("previous").onclick = () => this.jump("previous");
     element("next").onclick = () => this.jump("next");
@@ -23,8 +23,8 @@ export class Playhead {
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
-  draw({ mode, extent: [first, last] = [0, 0], growing = false }, { jump }) {
-    this.whole = [first, last, growing];
+  draw({ mode, extent: [first, last] = [0, 0] }, { jump }) {
+    this.whole = [first, last];
     if (mode !== "live" && !this.moved && last !== this.time) this.seek(last, false);
     if (!jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = jump;
@@ -50,8 +50,8 @@ export class Playhead {
 
   toggle() {
     this.playing = this.playing ? 0 : performance.now();
-    const [first, last, grows] = this.whole;
-    if (this.playing && this.time >= last && !grows) this.time = first;
+    const [first, last] = this.whole;
+    if (this.playing && this.time >= last) this.time = first;
     element("play").ariaPressed = String(this.playing > 0);
     element("play").textContent = this.playing ? "Pause" : "Play";
     if (this.playing) requestAnimationFrame((now) => this.step(now));
@@ -65,7 +65,7 @@ export class Playhead {
     if (passed > STEP) {
       this.playing = now;
       this.seek(this.time + (passed / 1e3) * Number(element("speed", HTMLSelectElement).value));
-      if (this.time >= this.whole[1] && !this.whole[2]) this.toggle();
+      if (this.time >= this.whole[1]) this.toggle();
     }
     requestAnimationFrame((next) => this.step(next));
   }

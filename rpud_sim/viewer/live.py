@@ -1,21 +1,32 @@
-"""A running drill as pages see it: one thread that hears it and acts on it."""
+"""Running drills as pages see them: threads that hear and command them, and their frames."""
 
 from __future__ import annotations
 
 import inspect
+import math
 import re
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import count
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import (
+    QUANTITIES,
+    ParameterError,
+    did_you_mean,
+    number_text,
+    shown,
+)
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
+from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics
-from rpud_sim.viewer.heard import Heard
+from rpud_sim.ros.process import StartError
+from rpud_sim.viewer.frames import ClientState, Store, StoreError
+from rpud_sim.viewer.live_history import LiveHistory
+from rpud_sim.viewer.server import PageServer, Place
 
 # Actions: methods of ``DrillClient``, with the same arguments.
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
@@ -32,6 +43,25 @@ _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every
 _SEARCH_PATIENCE = 1.0  # s
 _ANSWER_PATIENCE = 10.0  # s
 _INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
+
+MOST_DRILLS = 16  # that are heard; for a further one, one that has gone is forgotten
+
+_GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
+_LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
+
+
+# Rows of "timing", and what a status has for them.
+_TIMING = {
+    "latest block of the last report": "lateness_max",
+    "behind its schedule": "lag",
+    "real-time factor": "real_time_factor",
+    "deadlines missed": "deadlines_missed",
+    "messages dropped by the drill": "messages_dropped",
+    "commands accepted": "commands_accepted",
+    "commands overwritten": "commands_discarded",
+    "commands refused": "commands_rejected",
+    "commanders": "commanders",
+}
 
 
 def plain_refusal(reason: str) -> str:
@@ -121,7 +151,7 @@ class LiveDrill:
 
     The drill need not be there at first. If it vanishes, the connection says so and the thread
     searches it again; what was heard stays until another run begins, whose number is
-    ``heard.run``. Actions are executed in order, as methods of ``DrillClient``; a pause or reset
+    ``history.run``. Actions are executed in order, as methods of ``DrillClient``; a pause or reset
     ends the wait for a step that is under way. ``error`` says why the thread has died.
     """
 
@@ -134,7 +164,7 @@ class LiveDrill:
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._closed = False
-        self._heard = Heard()
+        self._history = LiveHistory()
         self._lost_before: Counter[str] = Counter()  # by clients that are closed
         self._telemetry: FastTopics | None = None
         self._status_at = self._settled_at = 0.0
@@ -160,13 +190,13 @@ class LiveDrill:
     def lost(self) -> dict[str, int]:
         """Messages by topic that were sent and never arrived."""
         lost = Counter(self._telemetry.lost if self._telemetry else ())
-        return dict(self._lost_before + lost + Counter(journal=self._heard.journal_lost))
+        return dict(self._lost_before + lost + Counter(journal=self._history.journal_lost))
 
     @contextmanager
-    def reading(self) -> Iterator[Heard]:
+    def reading(self) -> Iterator[LiveHistory]:
         """Return what was heard, which does not change meanwhile."""
         with self._lock:
-            yield self._heard
+            yield self._history
 
     def act(self, name: str, arguments: dict[str, Any]) -> None:
         """Queue an action."""
@@ -181,7 +211,7 @@ class LiveDrill:
         client.check_while_waiting(self._check)
         if self._telemetry is not None:
             self._lost_before += Counter(self._telemetry.lost)
-        self._telemetry = client.telemetry(self._heard.sinks())
+        self._telemetry = client.telemetry(self._history.sinks())
         return client
 
     def _latched(self, topic: str, message: Any) -> None:
@@ -189,10 +219,10 @@ class LiveDrill:
             for result in message.results[message.repeated :]:
                 if not result.accepted:
                     with self._lock:
-                        self._heard.refuse(plain_refusal(result.reason))
+                        self._history.refuse(plain_refusal(result.reason))
             return
         with self._lock:
-            self._heard.latched(topic, message)
+            self._history.latched(topic, message)
         if topic == "status":
             self._status_at = time.monotonic()
 
@@ -208,7 +238,7 @@ class LiveDrill:
         if (now := time.monotonic()) - self._settled_at >= 0.9 * _PERIOD:
             self._settled_at = now
             with self._lock:
-                self._heard.settle()
+                self._history.settle()
 
     def _live(self) -> None:
         try:
@@ -225,7 +255,7 @@ class LiveDrill:
                 if reason := self._follow(self._client):
                     self._connect(VANISHED, f"the drill in {self.namespace} is gone: {reason}")
                     with self._lock:
-                        self._heard.restart()
+                        self._history.restart()
                     self._client.close()
                     self._client = None
         except InterruptedWaitError:
@@ -252,7 +282,7 @@ class LiveDrill:
                     return "it has left"
                 if now - self._status_at > _SILENCE:
                     return f"it has published no status for {_SILENCE:g} s"
-                if (run := self._heard.run) != asked_run:
+                if (run := self._history.run) != asked_run:
                     with suppress(ClientError):  # asked again, unless it is gone
                         response = client.list_faults()
                         self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
@@ -265,3 +295,120 @@ class LiveDrill:
         is_new = state != self.connection.get("state")
         since = time.time() if is_new else self.connection["since"]
         self.connection = {"state": state, "since": since, "reason": reason}
+
+
+class LiveStore(Store):
+    """Drills of a domain; one thread hears each, however many pages show it.
+
+    A drill is heard from its first page on, so that later ones show its past. A page that names no
+    drill shows that of ``namespace``, which may start later.
+    """
+
+    mode = "live"
+
+    def __init__(self, finder: DrillFinder, namespace: str = "/rpud") -> None:
+        self.heard: dict[str, LiveDrill] = {}  # drills by namespace
+        self.finder = finder
+        self._default = f"/{namespace.strip('/')}"
+        self._namespaces: list[str] = []
+        self._looked = -math.inf
+
+    def open(self, client: ClientState) -> None:
+        """Hear the drill that a browser shows; StoreError if it is unknown, or one too many."""
+        client.drill = f"/{(client.drill or self._default).strip('/')}"
+        self.hear(client.drill)
+
+    def hear(self, name: str = "") -> None:
+        """Hear a drill from now on; by default that of pages that name none."""
+        name = name or self._default
+        if name in self.heard and not self.heard[name].error:
+            return
+        if name not in (self._default, *self._look()):
+            raise StoreError(f"there is no drill in {name}")
+        gone = [each for each, drill in self.heard.items() if drill.gone]
+        if len(self.heard) >= MOST_DRILLS and gone:
+            self.heard.pop(gone[0]).close()
+        if len(self.heard) >= MOST_DRILLS:
+            raise StoreError(f"{MOST_DRILLS} drills are shown already: start another server")
+        try:
+            self.heard[name] = LiveDrill(name, self.finder.domain_id)  # its thread may do better
+        except StartError as error:
+            raise StoreError(str(error)) from None
+
+    def end(self) -> None:
+        """Hear no more of any drill."""
+        for drill in self.heard.values():
+            drill.close()
+        self.heard.clear()
+
+    @contextmanager
+    def shown(self, client: ClientState) -> Iterator[tuple[LiveHistory, Mapping[str, Any]]]:
+        if time.monotonic() - self._looked >= _LOOK_PERIOD:
+            self._look()
+        drill = self._heard(client)
+        if drill.error:
+            raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
+        with drill.reading() as history:
+            yield history, self._state(drill, history)
+
+    def request(self, client: ClientState, name: str, content: Any) -> None:
+        """Queue an action."""
+        if name != "act":
+            raise ParameterError(f"a running drill has no {shown(name)}")
+        self._heard(client).act(content["name"], content["arguments"])
+
+    def _heard(self, client: ClientState) -> LiveDrill:
+        if client.drill not in self.heard:
+            raise StoreError(f"{client.drill} has gone")
+        return self.heard[client.drill]
+
+    def _look(self) -> list[str]:
+        self._looked = time.monotonic()
+        self._namespaces = self.finder.drills()
+        return self._namespaces
+
+    def _state(self, drill: LiveDrill, history: LiveHistory) -> dict[str, Any]:
+        status, since = history.status, history.since
+        state = {
+            "run": history.run,
+            "drills": sorted({*self._namespaces, drill.namespace}),
+            "drill": drill.namespace,
+            "connection": drill.connection,
+            "kinds": drill.kinds,
+            "channels": drill.channels,
+            "losses": drill.lost,
+            "outcomes": drill.actions.outcomes,
+            "status": status,
+            "timing": {
+                label: QUANTITIES["lateness"].text(status[name])
+                if name in ("lateness_max", "lag")
+                else number_text(float(status[name]))
+                for label, name in _TIMING.items()
+                if name in status
+            },
+        }
+        if history.time is not None:
+            state |= {"now": history.time, "extent": [0.0, history.time]}
+            state["gaps"] = [[0.0, since]] if since > _GAP else []
+        return state
+
+
+def serve_drills(
+    place: Place,
+    domain_id: int | None,
+    namespace: str,
+    announce: Callable[[PageServer, LiveStore], object],
+) -> None:
+    """Serve a screen for each drill until SIGINT or SIGTERM.
+
+    ``announce`` is called once the server listens. A page without a namespace shows the drill of
+    ``namespace``.
+    """
+    with DrillFinder(domain_id) as finder:
+        store = LiveStore(finder, namespace)
+        try:
+            with PageServer(store, place) as server:
+                announce(server, store)
+                server.run()
+        finally:
+            store.end()

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer import history as module
-from rpud_sim.viewer.history import Bins, Impacts
+from rpud_sim.viewer import bins as module
+from rpud_sim.viewer.bins import Bins, Impacts
 
 samples = st.lists(
     st.tuples(st.floats(0.0, 1000.0), st.floats(-1e6, 1e6)), min_size=1, max_size=100

@@ -1,0 +1,245 @@
+"""History of the present run of a running drill, fed by its topics."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.ros.client.topics import FIELDS
+from rpud_sim.simulation.batch import Batch
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.viewer.bins import Bins
+from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_status
+
+BIN = 0.05  # length of the finest bins [s]
+_BINS = 1 << 14
+_GREATEST = 2**61  # size of a time with which all calculations fit int64 [ns]
+_JOINING = 0.2  # after the first message, in which other topics may not be heard yet [s]
+_LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
+_MOST_SAMPLES = 1200  # of a section
+_ALWAYS = (  # quantities that each drill has, also before the first message or impact
+    *("peak_force", "impact_rate", "reacting_force"),
+    *("nodal_plane", "free_mass", "drill_tool"),
+)
+_TOPICS = {TOPICS[name].type.rpartition("/")[2]: name for name in (*FIELDS, "status")}
+_SIGNALS = tuple(
+    Signal(_TOPICS[kind], TOPICS[_TOPICS[kind]].type, field)
+    for quantity in QUANTITIES.values()
+    for kind, _, field in (source.partition(".") for source in quantity.sources)
+)
+
+Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period [s], samples
+
+
+class LiveHistory(History):
+    """History of the present run of a drill; not safe for threads by itself.
+
+    Fast messages wait in lists until ``settle``. Messages before the journal's stamp of time zero
+    are left out, except the latest status and faults, which are kept for that moment.
+    """
+
+    live = True
+    most = 60_000
+
+    def __init__(self) -> None:
+        self.run = 0
+        self.journal_lost = 0
+        self._kept: dict[str, Any] = {}  # latest latched message by topic
+        self._journal_next = 0
+        self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
+            topic: [] for topic in (*FIELDS, "waveform")
+        }
+        super().__init__("", _SIGNALS, ())
+
+    def clear(self, _: object = ()) -> None:
+        names = [signal.name for signal in _SIGNALS]
+        super().clear([Bins(names, BIN, _BINS, newest=True), Bins(names, BIN, _BINS)])
+        # Of the run: stamps from which on an origin counts, ascending, and the origins [ns].
+        self._origins: list[tuple[int, int]] = []
+        self.status: dict[str, Any] = {}
+        self.latest_impacts: deque[tuple[float, float, float]] = deque(maxlen=_LATEST_IMPACTS)
+        # Of the waveform: the newest whose impacts were heard too, and the newest of all.
+        self.block: Block | None = None
+        self._newest: Block | None = None
+        self._latest: dict[str, tuple[Any, ...]] = {}
+        for waiting in self._waiting.values():
+            waiting.clear()
+
+    def restart(self) -> None:
+        """Forget the drill: what comes next is of another one, which numbers from zero."""
+        self._origins = []
+        self._kept = {}
+        self._journal_next = 0
+
+    def sinks(self) -> dict[str, Callable[..., object]]:
+        """Return, by topic, a function that keeps stamp and values for ``settle``."""
+
+        def keep(waiting: list[tuple[int, tuple[Any, ...]]], *message: Any) -> None:
+            waiting.append(message)
+
+        return {topic: partial(keep, waiting) for topic, waiting in self._waiting.items()}
+
+    def latched(self, topic: str, message: Any) -> None:
+        """Take in a message of the journal, the status or the faults."""
+        self._changes += 1
+        if topic == "journal":
+            self._journal(message)
+        else:
+            self._kept[topic] = message
+            if self._origins:
+                self._show(topic, message)
+
+    def refuse(self, reason: str) -> None:
+        """Note that the drill has refused a command."""
+        self.log_version += 1
+        self.commands.refuse(self.time or 0.0, reason)
+
+    def settle(self) -> None:
+        """Take in the fast messages that wait."""
+        newest = self._newest
+        # Impacts have a topic, a beginning and delays of their own.
+        joined = self.since < 2.0 * BIN or (newest and newest[0] > self.since + _JOINING)
+        if newest is not self.block and joined:
+            self.block = newest
+            self._changes += 1
+        for topic, waiting in self._waiting.items():
+            if waiting and self._origins:
+                self._settle(topic, waiting)
+            waiting.clear()
+
+    @property
+    def values(self) -> dict[str, dict[str, Any]]:
+        """Latest values of the fast topics: by topic, by field."""
+        return {
+            topic: dict(zip(FIELDS[topic], values, strict=True))
+            for topic, values in self._latest.items()
+        }
+
+    def has(self, quantity: str) -> bool:
+        return quantity in _ALWAYS or super().has(quantity)
+
+    def moment(self, time: float) -> dict[str, Any]:
+        return {"values": self.values, "numbers": self.numbers(time)}
+
+    def whole(self) -> dict[str, Any]:
+        return {"timeline": self.timeline(), "hole": self.hole(self.time or 0.0)}
+
+    def section_key(self, time: float) -> Any:
+        return (self.block[0], self.impacts.total) if self.block else None
+
+    def section(self, time: float) -> dict[str, Any] | None:
+        """Return the field ``section`` of a frame: the end of the newest block."""
+        assert self.block
+        begin, period, arrays = self.block
+        length = len(arrays[0])
+        first = max(0, length - max(2, round(SECTION / period)))
+        stride = -(-(length - first) // _MOST_SAMPLES)
+        start, end = begin + first * period, begin + length * period
+        samples = {
+            name: array[first::stride].astype(np.float32)
+            for name, array in zip(MOTION, arrays, strict=False)
+        }
+        impacts = [[at - start, *rest] for at, *rest in self.latest_impacts if start <= at < end]
+        return {**samples, "time": start, "period": period * stride, "impacts": impacts}
+
+    def _settle(self, topic: str, waiting: list[tuple[int, tuple[Any, ...]]]) -> None:
+        stamps, messages = zip(*waiting, strict=True)
+        times = self._times(np.array(stamps, np.int64))
+        if times[-1] < 0:
+            return
+        if not self._latest and self._newest is None:
+            self.since = max(0.0, float(times[0]) / SECOND)
+        self.time = max(self.time or 0.0, float(times[-1]) / SECOND)
+        if topic == "waveform":
+            self._wave(times / SECOND, messages)
+            return
+        self._latest[topic] = messages[-1]
+        fields = dict(zip(FIELDS[topic], zip(*messages, strict=True), strict=True))
+        if topic == self.struck:
+            impacts = times / SECOND, fields["peak_force"], fields["contact_duration"]
+            self.latest_impacts.extend(zip(*impacts, strict=True))
+        drawn = {name: each for name, each in fields.items() if f"{topic} {name}" in self.signals}
+        columns = {name: np.array(each, float) for name, each in drawn.items()}
+        self.add(Batch(topic, times, columns))
+
+    def _wave(self, times: np.ndarray, messages: tuple[tuple[Any, ...], ...]) -> None:
+        self._changes += 1
+        for begin, (_, period, arrays) in zip(times.tolist(), messages, strict=True):
+            length = len(arrays[0])
+            if not (length and 0.0 < period < 1.0 and all(len(each) == length for each in arrays)):
+                continue
+            if self._newest is not None and length * period < SECTION:  # a pause has cut it
+                before, _, earlier = self._newest
+                if abs(before + len(earlier[0]) * period - begin) < period:
+                    earlier = tuple(each[-round(SECTION / period) :] for each in earlier)
+                    begin -= len(earlier[0]) * period
+                    arrays = tuple(map(np.concatenate, zip(earlier, arrays, strict=True)))
+            self._newest = begin, period, arrays
+
+    def _times(self, stamps: np.ndarray) -> np.ndarray:
+        """Return the simulation times of stamps, both (n,) [ns]."""
+        edges, origins = np.array(self._origins).T
+        return stamps - origins[np.maximum(np.searchsorted(edges, stamps, "right") - 1, 0)]
+
+    def _journal(self, entry: Any) -> None:
+        number = int(entry.sequence)
+        if self._journal_next:
+            self.journal_lost += max(0, number - self._journal_next)
+        self._journal_next = number + 1
+        content: Any = {}
+        with suppress(RecursionError, ValueError):  # another program may publish there too
+            content = json.loads(entry.content)
+        time = content.get("time") if isinstance(content, dict) else None
+        if not isinstance(time, int) or abs(time) > _GREATEST:
+            return
+        stamp = _stamp(entry)
+        origin = stamp - time
+        if entry.kind == "begin":
+            # Where the clock goes back, a later status belongs to the run before. Faults are not
+            # repeated: those may be the newest ones, heard before the journal.
+            status = self._kept.get("status")
+            back = bool(self._origins) and origin <= self._origins[-1][1]
+            if back and status and _stamp(status) > stamp:
+                del self._kept["status"]
+            self.run += 1
+            self.clear()
+        if not self._origins or self.time is None:
+            self._origins = [(stamp, origin)]
+            for topic, message in self._kept.items():
+                if _stamp(message) >= origin:
+                    self._show(topic, message)
+        elif origin != self._origins[-1][1]:  # the run goes on with other stamps
+            self._origins = [each for each in self._origins if each[0] < stamp]
+            self._origins.append((stamp, origin))
+            self.time = min(self.time, time / SECOND)
+        self.add_entry(time / SECOND, entry.kind, content)
+
+    def _show(self, topic: str, message: Any) -> None:
+        stamp = _stamp(message)
+        times = self._times(np.array([stamp]))
+        origin = stamp - int(times[0])
+        if topic == "faults":
+            self.add_faults(self.run, message.faults, origin)
+            return
+        names = message.get_fields_and_field_types()
+        self.status = plain_status({name: getattr(message, name) for name in names}, origin)
+        self.time = max(self.time or 0.0, float(times[0]) / SECOND)
+        columns = {
+            name: np.array([value], float)
+            for name, value in self.status.items()
+            if f"{topic} {name}" in self.signals
+        }
+        self.add(Batch(topic, times, columns))
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return join_seconds(stamp.sec, stamp.nanosec)

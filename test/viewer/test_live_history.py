@@ -1,0 +1,327 @@
+"""What has been history of a drill, from messages as they come, and what is drawn of it."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rpud_msgs.msg import Fault, Faults, JournalEntry, Status
+
+from rpud_sim.viewer.frames import ClientState, measured
+from rpud_sim.viewer.live_history import BIN, LiveHistory
+
+SECOND = 1_000_000_000
+ORIGIN = 1_700_000_000 * SECOND + 123
+PARAMETERS = {
+    "weight_on_bit": 8.0,
+    "drive_enabled": True,
+    "nominal_voltage": 100.0,
+    "vibration_frequency": 16e3,
+}
+
+
+def stamp(nanoseconds):
+    return Time(sec=nanoseconds // SECOND, nanosec=nanoseconds % SECOND)
+
+
+def entry(number, kind, time, origin=ORIGIN, **content):
+    message = JournalEntry(
+        sequence=number, kind=kind, content=json.dumps({"time": time, **content})
+    )
+    message.header.stamp = stamp(origin + time)
+    return message
+
+
+def status(time, **fields):
+    message = Status(**fields)
+    message.header.stamp = stamp(ORIGIN + time)
+    message.weight_on_bit_applied = message.drive_applied = stamp(ORIGIN)
+    return message
+
+
+@pytest.fixture
+def history():
+    history = LiveHistory()
+    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    return history
+
+
+def hear(history, topic, time, *values):
+    history.sinks()[topic](ORIGIN + time, values)
+    history.settle()
+
+
+def impact(history, time, force):
+    hear(history, "contact_force", time, 0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False)
+
+
+def texts(history):
+    return [line["text"] for line in history.commands.frame(history.faults)["log"]]
+
+
+def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
+    history = LiveHistory()
+    history.latched("status", status(SECOND, state="paused"))
+    fault = Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + SECOND // 2))
+    faults = Faults(faults=[fault])
+    faults.header.stamp = stamp(ORIGIN + SECOND)
+    history.latched("faults", faults)
+    assert not history.status
+    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    assert (history.time, history.status["state"]) == (1.0, "paused")
+    assert history.status["weight_on_bit_applied"] == 0.0
+    [shown] = history.faults
+    assert (shown["kind"], shown["onset"], shown["end"]) == ("bias", 0.5, None)
+
+
+@pytest.mark.parametrize("reset", [0, 3 * SECOND])  # the stamp: the clock begins again, or goes on
+def test_a_fault_is_shown_to_who_joins_after_a_reset(reset):
+    history = LiveHistory()
+    faults = Faults(faults=[Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + reset))])
+    faults.header.stamp = stamp(ORIGIN + 4 * SECOND)
+    history.latched("faults", faults)
+    begins = [entry(number, "begin", 0, parameters=PARAMETERS) for number in range(2)]
+    begins[1].header.stamp = stamp(ORIGIN + reset)
+    for begin in begins:
+        history.latched("journal", begin)
+    [shown] = history.faults
+    assert (shown["kind"], shown["onset"]) == ("bias", 0.0)
+
+
+def test_all_quantities_of_the_whole_run_are_kept(history):
+    sinks = history.sinks()
+    for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
+        sinks["reacting_force"](ORIGIN + time, (force,))
+        sinks["contact_force"](ORIGIN + time, (0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False))
+    history.settle()
+    for found in history.bins:
+        seen = found.view("reacting_force force", 0.0, 2 * BIN, 2)
+        assert seen["low"][:2].tolist() == [5.0, 7.0]
+        assert seen["high"][:2].tolist() == [9.0, 7.0]
+    assert history.impacts.between(0.0, 4.0)[1].tolist() == [5.0, 9.0, 7.0, 1.0]
+    assert history.values["contact_force"]["peak_force"] == 1.0
+    assert history.since == 0.0
+
+
+def test_a_status_fills_what_no_topic_has(history):
+    assert not history.has("electrical_power")
+    history.latched("status", status(SECOND, electrical_power=20.0, depth=math.nan))
+    assert history.has("electrical_power")
+    assert not history.has("depth")
+    hear(history, "borehole", 2 * SECOND, 0.1, 1e-5, "chalk", math.nan, 0.0, 0.0, 0.0)
+    history.latched("status", status(3 * SECOND, depth=7.0))
+    assert np.nanmax(history.line(history.signal("depth"), 0.0, 4.0, 8)["high"]) == 0.1
+
+
+@pytest.fixture
+def frame(history, monkeypatch):
+    """Frames of one browser, each some time after the one before [s]."""
+    now, client = [0.0], ClientState()
+    clock = SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: now[0])
+    monkeypatch.setattr("rpud_sim.viewer.frames.time", clock)
+
+    def make(passed=10.0, *, section=False):
+        now[0] += passed
+        history.settle()
+        client.section = section
+        return measured(history, client)
+
+    return make
+
+
+def test_what_arrives_late_is_in_the_numbers_and_the_timeline(history, frame):
+    impact(history, 1 * SECOND, 100.0)
+    history.latched("status", status(3 * SECOND))
+    assert frame()["numbers"]["impact_rate"]["mean"] == 0.0
+    impact(history, 5 * SECOND // 2, 300.0)
+    shown = frame()
+    assert shown["numbers"]["impact_rate"]["mean"] == 1.0
+    assert np.nanmax(shown["timeline"]["high"]) == 300.0
+    impact(history, 2 * SECOND, 900.0)
+    assert np.nanmax(frame()["timeline"]["high"]) == 900.0
+    assert "numbers" not in frame()
+
+
+def test_a_command_that_is_heard_before_its_time_is_a_step(history, frame):
+    history.latched("status", status(SECOND))
+    frame()
+    history.latched("journal", entry(1, "weight_on_bit", 2 * SECOND, force=20.0))
+    assert frame()["steps"]["weight_on_bit"]["v"].tolist() == [8.0, 20.0]
+
+
+def test_a_quantity_that_is_new_is_drawn_at_once(history, frame):
+    # Plots are made once a second, after the messages, which are put in the bins of the whole run.
+    for passed, depth in ((10.0, math.nan), (1.0, None), (0.5, math.nan), (0.4, 0.1), (0.1, None)):
+        if depth is not None:
+            history.latched("status", status(SECOND, depth=depth))
+        shown = frame(passed)
+    assert "plots" not in shown
+    shown = frame(0.5)
+    assert shown["plots"][-1]["choices"][0]["id"] == "depth"
+    assert "depth" in shown["view"]["layers"]
+
+
+def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, frame):
+    block = 1e-4, tuple(np.full(200, number) for number in range(6))
+    hear(history, "reacting_force", 0, 1.0)
+    hear(history, "waveform", SECOND, 0, *block)
+    assert frame(section=True)["section"]["impacts"] == []
+    assert "section" not in frame(section=True)
+    impact(history, SECOND + SECOND // 100, 300.0)
+    [[time, *_]] = frame(section=True)["section"]["impacts"]
+    assert time == pytest.approx(0.01)
+
+
+def test_the_hole_of_a_run_before_goes(history, frame):
+    rock = PARAMETERS | {"rock_model": "specific_energy"}
+    history.latched("journal", entry(1, "begin", 0, parameters=rock))
+    history.latched("status", status(SECOND, depth=0.1))
+    assert frame()["hole"]["depth"] == 0.1
+    history.latched("journal", entry(2, "begin", 0, parameters=PARAMETERS))
+    history.latched("status", status(2 * SECOND, depth=math.nan))
+    assert frame()["hole"] is None
+
+
+def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(history):
+    arrays = tuple(np.full(100, number) for number in range(6))
+    hear(history, "reacting_force", SECOND // 2, 7.0)
+    hear(history, "waveform", SECOND // 2, 0, 1e-3, arrays)
+    history.settle()
+    assert history.block is None  # other topics may not be history yet
+    hear(history, "waveform", SECOND, 0, 1e-3, arrays)
+    assert history.block is None
+    history.settle()
+    assert history.block == (1.0, 1e-3, arrays)
+
+
+def test_a_block_that_a_pause_has_cut_is_joined_to_the_one_before(history):
+    hear(history, "reacting_force", 0, 7.0)
+    hear(history, "waveform", SECOND, 0, 1e-3, tuple(np.full(100, number) for number in range(6)))
+    cut = tuple(np.full(3, number) for number in range(6))
+    hear(history, "waveform", SECOND + SECOND // 10, 100, 1e-3, cut)
+    history.settle()
+    begin, _, arrays = history.block
+    assert begin == pytest.approx(1.08)
+    assert [len(each) for each in arrays] == [23] * 6
+    hear(history, "waveform", 3 * SECOND, 900, 1e-3, cut)  # something is lost between them
+    history.settle()
+    assert history.block[0] == 3.0
+
+
+def test_a_malformed_block_is_ignored(history):
+    hear(history, "waveform", 0, 0, 1e-3, tuple(np.zeros(length) for length in (3, 3, 2, 3, 3, 3)))
+    hear(history, "waveform", 0, 0, math.nan, tuple(np.zeros(3) for _ in range(6)))
+    history.settle()
+    assert history.block is None
+
+
+def test_a_reset_begins_a_new_run_with_nothing(history):
+    impact(history, 0, 5.0)
+    history.latched("journal", entry(1, "weight_on_bit", SECOND, force=3.0))
+    assert texts(history) == ["a run begins", "weight on bit 3 N"]
+    history.latched("journal", entry(2, "begin", 0, parameters=PARAMETERS))
+    assert (history.run, history.impacts.total, history.values) == (2, 0, {})
+    assert texts(history) == ["a run begins"]
+
+
+def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_before(history):
+    history.latched("status", status(5 * SECOND, state="running"))
+    history.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))
+    assert (history.time, history.status) == (None, {})
+    history.latched("status", status(0, state="paused"))
+    assert (history.time, history.status["state"]) == (0.0, "paused")
+
+
+def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):
+    """A pause of 60 s is over; the status with a new stamp comes before the journal says so."""
+    hear(history, "reacting_force", 1 * SECOND, 5.0)
+    history.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0,))
+    history.latched("status", status(61_200_000_000))
+    pause = 60 * SECOND
+    history.latched("journal", entry(1, "origin", 1_200_000_000, ORIGIN + pause))
+    hear(history, "reacting_force", 1_300_000_000 + pause, 7.0)
+    assert history.time == 1.3
+    bins = history.bins[0].view("reacting_force force", 0.0, 100.0, 10_000)
+    used = bins["mean"] > 0.0
+    assert [*zip(bins["t"][used].round(3), bins["mean"][used], strict=True)] == [
+        (1.025, 5.0),
+        (1.125, 6.0),
+        (1.325, 7.0),
+    ]
+
+
+def test_the_first_seconds_are_shown_at_once(history):
+    """A view that begins before the run needs not wait for the bins of the whole run."""
+    for tenth in range(20):
+        hear(history, "reacting_force", tenth * SECOND // 10, 1.0)
+    layer = history.line(history.signal("reacting_force"), -18.0, 2.0, 400)
+    assert np.isfinite(layer["mean"]).sum() == 20
+
+
+def test_a_drill_that_is_gone_stays_until_another_begins(history):
+    impact(history, SECOND, 5.0)
+    history.restart()
+    impact(history, 9 * SECOND, 6.0)  # of the next one, before its journal
+    assert history.impacts.between(0.0, 20.0)[0].tolist() == [1.0]
+    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    assert (history.run, history.impacts.total) == (2, 0)
+
+
+def test_a_jump_in_the_journal_is_counted_as_lost(history):
+    history.latched("journal", entry(4, "flush", SECOND))
+    assert history.journal_lost == 3
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[" * 99999, "[]", '{"time": "now"}', f'{{"time": {10**30}}}']
+)
+def test_what_another_program_writes_into_the_journal_changes_nothing(history, content):
+    history.latched("journal", JournalEntry(sequence=1, kind="begin", content=content))
+    assert history.run == 1
+
+
+RATE, SECONDS = 1000, 100
+
+
+@pytest.fixture(scope="module")
+def long_run():
+    """100 s, of which 1000 impacts a second from 10 s on; peaks from 0 to 999 N."""
+    history = LiveHistory()
+    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    add = history.sinks()["contact_force"]
+    for number in range(10 * RATE, SECONDS * RATE):
+        stamp = ORIGIN + number * SECOND // RATE
+        add(stamp, (number, float(number % RATE), 1e-5, 2.0, 0.01, 1.0, 0.5, False))
+    history.settle()
+    return history
+
+
+def layer_of(history, quantity, kind, start, end, parts):
+    view = history.view(start, end, 2 * parts, {quantity: kind})
+    return view["layers"][quantity]
+
+
+def test_near_the_band_has_most_impacts_and_far_all_of_them(long_run):
+    near = layer_of(long_run, "peak_force", "band", 95.0, 100.0, 3)
+    assert near["band"] == "5-95 %"
+    assert near["low"][1] > 20.0
+    far = layer_of(long_run, "peak_force", "band", 0.0, 100.0, 100)
+    assert far["band"] == "least-greatest"
+    assert far["low"][1] == 0.0
+    assert far["high"][1] == 999.0
+    assert far["t"][0] == pytest.approx(10.0, abs=1.0)
+
+
+def test_parts_of_the_peak_force_are_as_long_where_little_was_heard(long_run):
+    layers = long_run.view(-9990.0, 10.1, 10_000, {"peak_force": "band"})["layers"]
+    assert len(layers["peak_force"]["t"]) <= 4
+
+
+def test_a_number_that_a_status_says_is_that_of_the_latest_one(history):
+    lacks = {"electrical_power": np.nan}
+    for second, power in ((1, 400.0), (2, 16.0)):
+        history.latched("status", status(second * SECOND, actuator_power=power, **lacks))
+    power = history.numbers(2.3)["power"]
+    assert [power[name] for name in ("mean", "least", "greatest")] == [16.0] * 3
