@@ -25,7 +25,7 @@ from mcap.records import (
 
 from rpud_sim.bag.batches import LATEST, BagChunk, SerializedBatch
 from rpud_sim.bag.errors import BagError, BagFormatError
-from rpud_sim.bag.metadata import Topic, TopicSummary, load_offered_qos
+from rpud_sim.bag.metadata import OFFERED_QOS_KEY, Topic, TopicSummary, load_offered_qos
 from rpud_sim.bag.records import (
     HEAD,
     MAGIC,
@@ -194,7 +194,7 @@ class McapFile:
                     name=name,
                     type=schema.name,
                     type_hash=channels[0].metadata.get("topic_type_hash", ""),
-                    offered_qos=_offered_qos(channels[0].metadata.get("offered_qos_profiles", "")),
+                    offered_qos=_offered_qos(channels[0].metadata.get(OFFERED_QOS_KEY, "")),
                     serialization_format=channels[0].message_encoding,
                 ),
                 message_count=sum(self.counts.get(channel.id, 0) for channel in channels),
