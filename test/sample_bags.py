@@ -241,4 +241,4 @@ def proved_messages(path: Path, skipped: int = 0) -> list[tuple[str, bytes]]:
     codecs = {f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in names}
     with rpud_sim.bag.open(path) as opened:
         found = list(opened.messages(codecs.keys(), skipped))
-    return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]
+    return [(m.topic, (codec := codecs[m.topic]).encode(codec.decode(m.data))) for m in found]

@@ -14,9 +14,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rpud_sim.bag.batches import BagChunk, Message, SerializedBatch
+    from rpud_sim.bag.batches import Message, SerializedBatch
     from rpud_sim.bag.columns import Column, Kind
     from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
+    from rpud_sim.bag.mcap_reader import BagChunk
     from rpud_sim.bag.metadata import Losses, QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
     from rpud_sim.bag.recovery import Recovery, TopicRecovery, recover
@@ -52,8 +53,9 @@ __all__ = [
 _MODULES = {
     "columns": ("Column", "Kind"),
     "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError"),
-    "batches": ("BagChunk", "Message", "SerializedBatch"),
+    "batches": ("Message", "SerializedBatch"),
     "metadata": ("Losses", "QosProfile", "Topic", "TopicSummary"),
+    "mcap_reader": ("BagChunk",),
     "reader": ("BagReader",),
     "recovery": ("Recovery", "TopicRecovery", "recover"),
     "tables": ("Batch",),

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag.errors import BagFormatError
+
+if TYPE_CHECKING:
+    from rpud_sim.bag.mcap_reader import BagChunk
 
 LATEST = 2**63 - 1  # greatest time in a bag of rosbag2 [ns since the epoch]
 
@@ -59,19 +62,6 @@ class SerializedBatch:
             return self
         data = gathered(self.data, self.starts, self.sizes)
         return replace(self, data=data, starts=np.cumsum(self.sizes) - self.sizes)
-
-
-@dataclass(frozen=True)
-class BagChunk:
-    """Chunk of a bag, which can be read by itself."""
-
-    start_time: int  # no message is earlier [ns]
-    end_time: int  # no message is later [ns]
-    size: int  # memory that its messages take [bytes]
-    topics: frozenset[str]  # names of the topics that it may hold
-    # returns the messages of topics in a batch for each, in the order of log times; None for all.
-    # It raises BagFormatError if the chunk is damaged.
-    batches: Callable[[Collection[str] | None], list[SerializedBatch]]
 
 
 def items(data: np.ndarray, dtype: np.dtype | str) -> np.ndarray:

@@ -94,10 +94,6 @@ class Codec:
                 raise ValueError(f"{len(data) - cursor.place} bytes follow its last field")
             return value
 
-    def without_padding(self, data: bytes) -> bytes:
-        """Return the same message with zeros for the padding between fields, as ``encode`` does."""
-        return self.encoder.encode(self.decode(data))
-
     @cached_property
     def encoder(self) -> Encoder:
         return Encoder(self.members)

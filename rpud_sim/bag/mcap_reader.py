@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +23,9 @@ from mcap.records import (
     Statistics,
 )
 
-from rpud_sim.bag.batches import LATEST, BagChunk, SerializedBatch
+from rpud_sim.bag.batches import LATEST, SerializedBatch
 from rpud_sim.bag.errors import BagError, BagFormatError
-from rpud_sim.bag.metadata import Topic, TopicSummary, load_offered_qos
+from rpud_sim.bag.metadata import OFFERED_QOS_KEY, Topic, TopicSummary, load_offered_qos
 from rpud_sim.bag.records import (
     HEAD,
     MAGIC,
@@ -53,18 +53,34 @@ _COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
-@dataclass
-class _Chunk:
-    """Chunk, or consecutive messages outside of chunks."""
+@dataclass(eq=False)
+class BagChunk:
+    """Chunk of a bag, or consecutive messages outside of chunks, which can be read by itself."""
 
+    start_time: int  # no message is earlier [ns]
+    end_time: int  # no message is later [ns]
+    size: int  # memory that its messages take [bytes]
+    file: McapFile  # that has it
     start: int  # offsets in the file [bytes]
     end: int
-    size: int  # without compression [bytes]
-    first: int  # log times [ns]
-    last: int
     compression: str = ""
     loose: bool = False  # whether it is outside of chunks
     indexes: dict[int, int] = field(default_factory=dict)  # offsets of message indexes by channel
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """Names of the topics that it may hold."""
+        channels = self.file.channels
+        if not self.indexes:
+            return frozenset(self.file.topic_channels)
+        return frozenset(channels[each].topic for each in self.indexes if each in channels)
+
+    def batches(self, topics: Collection[str] | None = None) -> list[SerializedBatch]:
+        """Return the messages of topics, a batch for each in the order of log times; None for all.
+
+        A damaged chunk is a BagFormatError.
+        """
+        return self.file.batches(self, topics)
 
 
 class McapFile:
@@ -78,7 +94,7 @@ class McapFile:
             self._stream = path.open("rb")
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
-        self._chunks: list[_Chunk] = []
+        self._chunks: list[BagChunk] = []
         self._metadata: list[tuple[str, int]] = []  # names and offsets of records
         try:
             with reading(path):
@@ -147,12 +163,13 @@ class McapFile:
                 self._metadata.append((record.name, record.offset))
             elif isinstance(record, ChunkIndex):
                 place = record.chunk_start_offset
-                chunk = _Chunk(
+                chunk = BagChunk(
+                    start_time=record.message_start_time,
+                    end_time=record.message_end_time,
+                    size=record.uncompressed_size,
+                    file=self,
                     start=place,
                     end=place + record.chunk_length,
-                    size=record.uncompressed_size,
-                    first=record.message_start_time,
-                    last=record.message_end_time,
                     compression=record.compression,
                     indexes=record.message_index_offsets,
                 )
@@ -194,7 +211,7 @@ class McapFile:
                     name=name,
                     type=schema.name,
                     type_hash=channels[0].metadata.get("topic_type_hash", ""),
-                    offered_qos=_offered_qos(channels[0].metadata.get("offered_qos_profiles", "")),
+                    offered_qos=_offered_qos(channels[0].metadata.get(OFFERED_QOS_KEY, "")),
                     serialization_format=channels[0].message_encoding,
                 ),
                 message_count=sum(self.counts.get(channel.id, 0) for channel in channels),
@@ -204,20 +221,12 @@ class McapFile:
                 kinds=frozenset(map(self._kind, channels)),
             )
 
-    def chunks(self) -> Iterator[BagChunk]:
-        """Yield the chunks in the order of the file."""
+    def chunks(self) -> list[BagChunk]:
+        """Return the chunks in the order of the file."""
         with self._reading():
-            chunks = self._chunks or self._loose_chunks
-        everything = frozenset(self.topic_channels)
-        for chunk in chunks:
-            held = [self.channels[each].topic for each in chunk.indexes if each in self.channels]
-            topics = frozenset(held) if chunk.indexes else everything
-            read = partial(self._batches, chunk)
-            yield BagChunk(chunk.first, chunk.last, chunk.size, topics, read)
+            return self._chunks or self._loose_chunks
 
-    def _batches(
-        self, chunk: _Chunk, topics: Collection[str] | None = None
-    ) -> list[SerializedBatch]:
+    def batches(self, chunk: BagChunk, topics: Collection[str] | None) -> list[SerializedBatch]:
         """Return the messages of a chunk, a batch for each topic in the order of log times."""
         wanted = {
             number: channel.topic
@@ -233,7 +242,7 @@ class McapFile:
                     raise BagFormatError("a chunk is not what its index says")
                 content = uncompressed(record)
             batches = _batches_in(content, wanted)
-            if any(batch.log_times[0] < chunk.first for batch in batches):
+            if any(batch.log_times[0] < chunk.start_time for batch in batches):
                 raise BagFormatError(f"a message is earlier than its chunk says; {_REMEDY}")
             return batches
 
@@ -245,9 +254,9 @@ class McapFile:
             yield
 
     @cached_property
-    def _loose_chunks(self) -> list[_Chunk]:
+    def _loose_chunks(self) -> list[BagChunk]:
         """Messages of a file without chunks, as those of the preset ``fastwrite``."""
-        found: list[_Chunk] = []
+        found: list[BagChunk] = []
         offset = len(MAGIC)
         while (head := self._file.head(offset)) and head[0] not in _ENDS:
             opcode, end = head
@@ -258,10 +267,13 @@ class McapFile:
                 _, _, time, _ = MESSAGE.unpack(content)
                 last = found[-1] if found else None
                 if last is None or last.end != offset or end - last.start > _LOOSE_SIZE:
-                    last = _Chunk(offset, end, 0, time, time, loose=True)
+                    last = BagChunk(time, time, 0, self, offset, end, loose=True)
                     found.append(last)
                 last.end, last.size = end, end - last.start
-                last.first, last.last = min(last.first, time), max(last.last, time)
+                last.start_time, last.end_time = (
+                    min(last.start_time, time),
+                    max(last.end_time, time),
+                )
             offset = end
         if head is None or head[0] not in _ENDS:
             raise BagFormatError("its messages do not end as they should")
@@ -282,9 +294,9 @@ class McapFile:
         return channel.message_encoding, schema.name, _without_comments(text)
 
     @cached_property
-    def _chunks_of(self) -> dict[int, list[_Chunk]]:
+    def _chunks_of(self) -> dict[int, list[BagChunk]]:
         """Chunks that have an index of a channel."""
-        found: dict[int, list[_Chunk]] = {}
+        found: dict[int, list[BagChunk]] = {}
         for chunk in self._chunks:
             for channel in chunk.indexes:
                 found.setdefault(channel, []).append(chunk)
@@ -298,11 +310,11 @@ class McapFile:
         chunks = [chunk for each in channels for chunk in self._chunks_of.get(each, ())]
         if not chunks:
             return None, None
-        first = self._times(min(chunks, key=lambda chunk: chunk.first), channels)
-        last = self._times(max(chunks, key=lambda chunk: chunk.last), channels)
+        first = self._times(min(chunks, key=lambda chunk: chunk.start_time), channels)
+        last = self._times(max(chunks, key=lambda chunk: chunk.end_time), channels)
         return min(first, default=None), max(last, default=None)
 
-    def _times(self, chunk: _Chunk, channels: set[int]) -> list[int]:
+    def _times(self, chunk: BagChunk, channels: set[int]) -> list[int]:
         # A set operation would visit all channels of the chunk.
         offsets = [chunk.indexes[each] for each in channels if each in chunk.indexes]
         found = [message_index(self._file.record(each))[1]["log_time"] for each in offsets]

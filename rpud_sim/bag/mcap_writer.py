@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -38,7 +37,7 @@ from mcap.records import (
 from rpud_sim.bag.batches import SerializedBatch, items
 from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.metadata import FileInformation, stored_name
-from rpud_sim.bag.records import HEAD, INDEX, MAGIC, MESSAGE, RECORD
+from rpud_sim.bag.records import ENTRY, HEAD, INDEX, MAGIC, MESSAGE, RECORD
 
 # Names of the compressions in MCAP, by those in options.
 COMPRESSIONS = {"none": "", "zstd": "zstd"}
@@ -159,11 +158,23 @@ class McapWriter:
         self._close_chunk()
         self._put(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
+        first, last = self._span
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=sum(self._counts.values()),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
         summary = RecordBuilder()
         groups: list[tuple[Opcode, list[McapRecord]]] = [
             (Opcode.SCHEMA, [*self._schemas.values()]),
             (Opcode.CHANNEL, [*self._channels]),
-            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.STATISTICS, [statistics]),
             (Opcode.CHUNK_INDEX, [*self._chunk_indexes]),
             (Opcode.ATTACHMENT_INDEX, []),
             (Opcode.METADATA_INDEX, [*self._metadata]),
@@ -204,24 +215,24 @@ class McapWriter:
     def _close_chunk(self) -> None:
         if not self._chunk.count:
             return
-        chunk, self._chunk = self._chunk, OpenChunk()
-        chunk.settle()
-        content = chunk.data
-        data = self._compress(content)
-        crc, start = zlib.crc32(content), self._stream.tell()
-        record = Chunk(self._compression, data, chunk.last, chunk.first, crc, len(content))
-        self._put(_bytes_of(record))
+        content, log_times, indexes = self._chunk.finish()
+        self._chunk = OpenChunk()
+        first, last = int(log_times.min()), int(log_times.max())
+        data, start = self._compress(content), self._stream.tell()
+        crc = zlib.crc32(content)
+        self._put(_bytes_of(Chunk(self._compression, data, last, first, crc, len(content))))
         end = place = self._stream.tell()
         offsets = {}
-        for channel, index in chunk.indexes.items():
+        for channel, entries in indexes.items():
             offsets[channel] = place
-            place += self._put(index)
-        for channel, messages in chunk.counts.items():
-            self._counts[channel] = self._counts.get(channel, 0) + messages
+            length = entries.nbytes
+            head = RECORD.pack(Opcode.MESSAGE_INDEX, INDEX.size + length)
+            place += self._put(head + INDEX.pack(channel, length) + entries.tobytes())
+            self._counts[channel] = self._counts.get(channel, 0) + len(entries)
         self._chunk_indexes.append(
             ChunkIndex(
-                message_start_time=chunk.first,
-                message_end_time=chunk.last,
+                message_start_time=first,
+                message_end_time=last,
                 chunk_start_offset=start,
                 chunk_length=end - start,
                 message_index_offsets=offsets,
@@ -237,20 +248,6 @@ class McapWriter:
         """Log times of the first and the last message in closed chunks [ns]; 0 without any."""
         first = min((each.message_start_time for each in self._chunk_indexes), default=0)
         return first, max((each.message_end_time for each in self._chunk_indexes), default=0)
-
-    def _statistics(self) -> Statistics:
-        first, last = self._span
-        return Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=len(self._chunk_indexes),
-            message_count=sum(self._counts.values()),
-            message_end_time=last,
-            message_start_time=first,
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
-        )
 
 
 @contextmanager
@@ -330,44 +327,47 @@ class OpenChunk:
     def __init__(self) -> None:
         self.size = 0  # uncompressed [bytes]
         self.count = 0  # number of the messages
-        self.first = self.last = 0  # log times of the earliest and the latest message [ns]
         self._parts: list[bytes | memoryview] = []
-        self._entries: dict[int, array[int]] = {}  # log time and place of each, by channel
+        # Of the messages in them: channels, log times, and places in the chunk.
+        self._entries: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         # Messages that came one by one. They become records together: to make arrays of each takes
         # ten times as long.
         self._single: list[tuple[int, bytes, int, int]] = []
 
-    @property
-    def data(self) -> bytes:
-        return b"".join(self._parts)
-
-    @property
-    def indexes(self) -> dict[int, bytes]:
-        """Records of the message indexes, by channel."""
-        indexes = {}
-        for channel, entries in self._entries.items():
-            content = np.frombuffer(entries, np.uint64).astype("<u8").tobytes()
-            head = RECORD.pack(Opcode.MESSAGE_INDEX, INDEX.size + len(content))
-            indexes[channel] = head + INDEX.pack(channel, len(content)) + content
-        return indexes
-
-    @property
-    def counts(self) -> dict[int, int]:
-        """Numbers of messages, by channel."""
-        return {channel: len(entries) // 2 for channel, entries in self._entries.items()}
+    def finish(self) -> tuple[bytes, np.ndarray, dict[int, np.ndarray]]:
+        """Return content, all log times, and the entries of each channel's index."""
+        self._settle()
+        channels, log_times, places = map(np.concatenate, zip(*self._entries, strict=True))
+        entries = np.empty(len(places), ENTRY)
+        entries["log_time"], entries["offset"] = log_times, places
+        found, firsts = np.unique(channels, return_index=True)
+        in_order = found[np.argsort(firsts)].tolist()
+        indexes = {channel: entries[channels == channel] for channel in in_order}
+        return b"".join(self._parts), log_times, indexes
 
     def declare(self, record: bytes) -> None:
-        self.settle()
+        self._settle()
         self._parts.append(record)
         self.size += len(record)
 
     def add(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
-        """Add one message, which becomes a record in ``settle``."""
+        """Add one message."""
         self._single.append((channel, data, log_time, publish_time))
         self.size += HEAD.itemsize + len(data)
         self.count += 1
 
-    def settle(self) -> None:
+    def extend(self, records: MessageRecords, first: int, end: int) -> None:
+        """Add the records from number ``first`` to ``end``."""
+        self._settle()
+        start = int(records.ends[first - 1]) if first else 0
+        ends = records.ends[first:end]
+        places = np.concatenate([[start], ends[:-1]]) + (self.size - start)
+        self._entries.append((records.channels[first:end], records.log_times[first:end], places))
+        self._parts.append(records.data[start : int(ends[-1])].data)
+        self.size += int(ends[-1]) - start
+        self.count += end - first
+
+    def _settle(self) -> None:
         """Make records of the messages that were added one by one."""
         if not self._single:
             return
@@ -378,29 +378,8 @@ class OpenChunk:
         parts: list[bytes] = [b""] * (2 * len(contents))
         parts[::2] = [heads[k : k + HEAD.itemsize] for k in range(0, len(heads), HEAD.itemsize)]
         parts[1::2] = contents
-        data, ends = b"".join(parts), np.cumsum(sizes + HEAD.itemsize)
+        data, ends = np.frombuffer(b"".join(parts), np.uint8), np.cumsum(sizes + HEAD.itemsize)
         self.size -= len(data)
         self.count -= len(contents)
         logs = np.array(log_times, np.int64)
-        records = MessageRecords(np.frombuffer(data, np.uint8), ends, np.array(channels), logs)
-        self.extend(records, 0, len(contents))
-
-    def extend(self, records: MessageRecords, first: int, end: int) -> None:
-        """Add the records from number ``first`` to ``end``."""
-        self.settle()
-        start = int(records.ends[first - 1]) if first else 0
-        ends = records.ends[first:end]
-        places = np.empty((end - first, 2), np.uint64)
-        places[:, 0] = log_times = records.log_times[first:end]
-        places[:, 1] = np.concatenate([[start], ends[:-1]]) + (self.size - start)
-        channels = records.channels[first:end]
-        found, firsts = np.unique(channels, return_index=True)
-        for channel in found[np.argsort(firsts)].tolist():
-            entries = self._entries.setdefault(channel, array("Q"))
-            entries.frombytes(places[channels == channel].tobytes())
-        earliest, latest = int(log_times.min()), int(log_times.max())
-        self.first = min(earliest, self.first) if self.count else earliest
-        self.last = max(latest, self.last)
-        self.count += end - first
-        self._parts.append(records.data[start : int(ends[-1])].data)
-        self.size += int(ends[-1]) - start
+        self.extend(MessageRecords(data, ends, np.array(channels), logs), 0, len(contents))

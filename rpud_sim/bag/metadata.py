@@ -26,6 +26,7 @@ from rpud_sim.foundation.time import SECOND
 FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
+OFFERED_QOS_KEY = "offered_qos_profiles"  # in the metadata of a channel
 VERSION = 9
 
 LOSSES_RECORD = "rpud_losses"  # metadata record with the ``Losses`` of each topic
@@ -56,11 +57,7 @@ _POLICIES = {
     "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
     "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
     "liveliness": (
-        "system_default",
-        "automatic",
-        "manual_by_node",
-        "manual_by_topic",
-        "unknown",
+        *("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown"),
         "best_available",
     ),
 }

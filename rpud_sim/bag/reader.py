@@ -10,7 +10,6 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, overload
 
 from rpud_sim.bag.batches import (
-    BagChunk,
     Message,
     SerializedBatch,
     due_batches,
@@ -18,7 +17,7 @@ from rpud_sim.bag.batches import (
     ordered_by_topic,
 )
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, OtherStorageError
-from rpud_sim.bag.mcap_reader import McapFile
+from rpud_sim.bag.mcap_reader import BagChunk, McapFile
 from rpud_sim.bag.metadata import (
     FILE_NAME,
     LOSSES_RECORD,

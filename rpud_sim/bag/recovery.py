@@ -26,6 +26,7 @@ from rpud_sim.bag.mcap_reader import REPEATED_KEY, McapFile
 from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
     LOSSES_RECORD,
+    OFFERED_QOS_KEY,
     RECORD_NAME,
     RECORDING_RECORD,
     Losses,
@@ -57,7 +58,6 @@ from rpud_sim.bag.writer import BagWriter, whole_bag
 RECOVERY_RECORD = "rpud_recovery"
 
 _SHOWN = 1000  # damages that are kept one by one
-_OFFERS = "offered_qos_profiles"
 _BLOCK = 1 << 20  # bytes that are searched together
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
 _EFFORT = 2**30  # bytes that a search may read, beside four times the file
@@ -181,11 +181,11 @@ class _TornFile:
         self._numbers = numbers
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
+        self._declared = 0  # bytes of these
         self._number_of: dict[int, int] = {}  # of the file's channels in the new bag; 0 for none
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
         self._unknown = 0  # messages of undeclared channels
-        self._declared = 0  # bytes of declarations
         self._loose = bytearray()  # messages outside of chunks that are still to be added
         self._chunked = False  # whether a chunk was found
         self._index_lost = False  # whether the next message indexes are those of a lost chunk
@@ -197,86 +197,83 @@ class _TornFile:
             self._file = file = RecordFile(stream)
             self._effort = 4 * file.size + _EFFORT
             held = file.content(0, len(MAGIC)) == MAGIC
-            offset, closed = len(MAGIC) if held else 0, False
+            offset, kind, ended = len(MAGIC) if held else 0, 0, False
             progress(offset)
-            while offset < file.size:
-                if file.content(offset, len(MAGIC) + 1) == MAGIC:
-                    progress(file.size - offset)
-                    break
-                head = file.head(offset)
-                end = self._add(offset, *head) if head else None
-                closed = end is not None and head is not None and head[0] == Opcode.FOOTER
-                if end is None:
-                    end = self._next(offset + 1)
-                    torn = end == file.size and head is not None and head[0] == Opcode.CHUNK
+            while offset < file.size and not ended:
+                ended = file.content(offset, len(MAGIC) + 1) == MAGIC
+                if ended:
+                    end = file.size
+                elif (found := self._add(offset)) is not None:
+                    kind, end = found
+                    held = True
+                else:
+                    kind, end = 0, self._next(offset + 1)
+                    torn = end == file.size and file.content(offset, 1) == bytes([Opcode.CHUNK])
                     reason = "is a chunk that is cut off" if torn else "holds no whole record"
                     self._damage(offset, end, reason)
-                else:
-                    held = True
                 progress(end - offset)
                 offset = end
-            else:
-                closed = False
             self._add_loose()
-        self._recovery.closed &= closed
+        self._recovery.closed &= ended and kind == Opcode.FOOTER
         self._account(expected)
         return held
 
-    def _add(self, offset: int, opcode: int, end: int) -> int | None:
-        """Add the content of the record at an offset; return its end, None without a record."""
-        file = self._file
-        if opcode == Opcode.CHUNK:
+    def _add(self, offset: int) -> tuple[int, int] | None:
+        """Add the record at an offset; return its kind and its end, None without a record."""
+        head = self._file.head(offset)
+        if head is None:
+            return None
+        kind, end = head
+        if kind == Opcode.CHUNK:
             self._add_loose()
-            return self._add_chunk(offset, end)
-        if opcode == Opcode.ATTACHMENT and file.continues(end):
+            return head if self._add_chunk(offset, end) else None
+        if kind == Opcode.ATTACHMENT and self._file.continues(end):
             self._damage(offset, end, "is an attachment, which is left out")
-            return end
+            return head
         record = self._sound(offset)
         if record is None:
             return None
-        if opcode == Opcode.MESSAGE_INDEX:
+        if kind == Opcode.MESSAGE_INDEX:
             if self._index_lost:
                 channel, entries = message_index(record)
                 self._missing[channel] += len(entries)
-            return end
+            return head
         self._index_lost = False
-        if opcode == Opcode.MESSAGE:
-            self._loose += file.content(offset, end - offset)
-            if len(self._loose) > _BLOCK:
-                self._add_loose()
-        else:
+        if kind == Opcode.MESSAGE:
+            self._loose += self._file.content(offset, end - offset)
+        if kind != Opcode.MESSAGE or len(self._loose) > _BLOCK:
             self._add_loose()
-            self._add_record(record, checked=False)
-        return end
+        self._add_record(record, checked=False)
+        return head
 
-    def _add_loose(self) -> None:
-        loose, self._loose = bytes(self._loose), bytearray()
-        self._add_messages(loose, checked=False)
-
-    def _add_chunk(self, offset: int, end: int) -> int | None:
+    def _add_chunk(self, offset: int, end: int) -> bool:
         self._chunked = self._index_lost = True
         try:
             chunk = parse(self._file.record(offset))
             assert isinstance(chunk, Chunk)
             data = uncompressed(chunk)
         except UNREADABLE as error:
-            if end <= self._file.size and self._file.continues(end):
-                reason = error if isinstance(error, BagFormatError) else "it cannot be uncompressed"
-                self._damage(offset, end, f"is a lost chunk: {reason}")
-                return end
-            return None
+            if end > self._file.size or not self._file.continues(end):
+                return False
+            reason = error if isinstance(error, BagFormatError) else "it cannot be uncompressed"
+            self._damage(offset, end, f"is a lost chunk: {reason}")
+            return True
         checked = chunk.uncompressed_crc != 0
         if not checked and not self._file.continues(end):
-            return None
-        self._index_lost = False
+            return False
         try:
-            for opcode, start, stop in records_in(data):
-                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._add_record(RawRecord(opcode, data[start:stop], stop), checked)
+            for kind, start, stop in records_in(data):
+                if kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._add_record(RawRecord(kind, data[start:stop], stop), checked)
             self._add_messages(data, checked)
+            self._index_lost = False
         except UNREADABLE:
             self._damage(offset, end, "is a chunk with what is no record")
-        return end
+        return True
+
+    def _add_loose(self) -> None:
+        loose, self._loose = bytes(self._loose), bytearray()
+        self._add_messages(loose, checked=False)
 
     def _sound(self, offset: int) -> RawRecord | None:
         """Return the record at ``offset`` if its lengths agree and another record follows."""
@@ -306,22 +303,16 @@ class _TornFile:
         head = self._file.head(offset)
         if head is None or head[1] > self._file.size:
             return False
-        opcode, end = head
-        self._effort -= end - offset
-        if opcode == Opcode.CHUNK:
+        self._effort -= head[1] - offset
+        if head[0] == Opcode.CHUNK:
             with suppress(*UNREADABLE):
                 chunk = parse(self._file.record(offset), exact=True)
-                return isinstance(chunk, Chunk) and bool(
-                    chunk.uncompressed_crc and uncompressed(chunk)
-                )
+                assert isinstance(chunk, Chunk)
+                return bool(chunk.uncompressed_crc and uncompressed(chunk))
             return False
-        if opcode in _OF_CHUNKS and self._chunked:  # it is one of a damaged chunk
+        if head[0] in _OF_CHUNKS and self._chunked:  # it is one of a damaged chunk
             return False
         return self._sound(offset) is not None
-
-    def _damage(self, offset: int, end: int, reason: str) -> None:
-        self._recovery.size_lost += end - offset
-        self._note(f"byte {offset} to {end} {reason}")
 
     def _read_summary(self) -> Mapping[int, int]:
         """Declare what a whole summary section declares; return its number of messages by channel.
@@ -400,10 +391,9 @@ class _TornFile:
             kind = (schema.name, schema.encoding, schema.data) if schema else ()
             metadata = tuple(sorted(channel.metadata.items()))
             key = (channel.topic, channel.message_encoding, kind, metadata)
-            if REPEATED_KEY in channel.metadata:  # another file has the same messages
-                self._numbers[key] = 0
-            elif key not in self._numbers:
-                self._numbers[key] = self._add_channel(channel, schema)
+            if key not in self._numbers:
+                repeated = REPEATED_KEY in channel.metadata  # another file has the same messages
+                self._numbers[key] = 0 if repeated else self._add_channel(channel, schema)
             self._number_of[channel_id] = self._numbers[key]
         return self._number_of[channel_id]
 
@@ -419,13 +409,13 @@ class _TornFile:
                 self._recovery.note(f"the definition of {name} is left out: it is not UTF-8")
                 schema = Schema(id=schema.id, name=schema.name, encoding="", data=b"")
         try:
-            offers = load_offered_qos(metadata.get(_OFFERS, ""))
+            offers = load_offered_qos(metadata.get(OFFERED_QOS_KEY, ""))
             if load_offered_qos(dump_offered_qos(offers)) != offers:
                 raise BagFormatError("they cannot be written as they were read")
         except BagFormatError as error:
             self._recovery.note(f"the offers on {channel.topic:.200} are left out: {error}")
             offers = ()
-            del metadata[_OFFERS]
+            del metadata[OFFERED_QOS_KEY]
         topic = Topic(
             name=channel.topic,
             type=schema.name if schema else "",
@@ -445,10 +435,12 @@ class _TornFile:
         undeclared = self._missing.keys() - self._channels.keys()
         unknown = self._unknown + sum(self._missing[number] for number in undeclared)
         if unknown:
-            self._note(
-                f"{unknown} messages belong to no known topic, or have a time that rosbag2 "
-                "cannot have"
-            )
+            reason = "belong to no known topic, or have a time that rosbag2 cannot have"
+            self._note(f"{unknown} messages {reason}")
+
+    def _damage(self, offset: int, end: int, reason: str) -> None:
+        self._recovery.size_lost += end - offset
+        self._note(f"byte {offset} to {end} {reason}")
 
     def _note(self, reason: str) -> None:
         self._recovery.note(f"{self._path.name}: {reason}")

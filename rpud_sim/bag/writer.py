@@ -23,6 +23,7 @@ from rpud_sim.bag.mcap_writer import (
 )
 from rpud_sim.bag.metadata import (
     FILE_NAME,
+    OFFERED_QOS_KEY,
     RECORD_KEY,
     RECORD_NAME,
     FileInformation,
@@ -122,7 +123,7 @@ class BagWriter:
             data=(definition or "").encode(),
         )
         metadata = {
-            "offered_qos_profiles": dump_offered_qos(topic.offered_qos),
+            OFFERED_QOS_KEY: dump_offered_qos(topic.offered_qos),
             "topic_type_hash": topic.type_hash,
         }
         self.add_channel(topic, schema, metadata)

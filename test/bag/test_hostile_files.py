@@ -1,10 +1,7 @@
 """Hostile files end in one clear line, in bounded memory."""
 
-import io
 import os
 import struct
-import zlib
-from contextlib import suppress
 
 import lz4.frame
 import pytest
@@ -12,10 +9,8 @@ import zstandard
 from bounded_memory import read_in_bounded_memory
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
-from mcap.writer import CompressionType
-from sample_bags import write_bag, write_mcap
+from sample_bags import write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError
@@ -75,11 +70,9 @@ HUGE = 2**62
 COMPLAINTS = {
     "zstd bomb that says so": "at most",
     "zstd bomb that lies": "not as large as it says",
-    "zstd frame of petabytes": "damaged",
     "lz4 bomb that lies": "not as large as it says",
     "chunk of petabytes": "at most",
     "record of petabytes": "do not end as they should",
-    "channel of gigabytes": "do not end as they should",
     "string of gigabytes": "a length inside a record reaches beyond it",
     "one chunk without an end": "overlap each other",
     "chunks that all overlap in time": "overlap in time",
@@ -92,7 +85,6 @@ def bombs():
     # A message that fills its chunk, so that each chunk stays open until it is taken.
     message = struct.pack("<BQHIQQ", Opcode.MESSAGE, CONTENT_LIMIT - 9, 1, 0, 5, 5)
     full = chunk("zstd", zeros(CONTENT_LIMIT, message), CONTENT_LIMIT)
-    frame = b"\x28\xb5\x2f\xfd\xe0" + HUGE.to_bytes(8, "little")
     bomb = zeros(GIGABYTE)
     string = record(Opcode.METADATA, b"\xf0\xff\xff\xff")
     notes = Metadata("notes", {"text": "x" * 10_000})
@@ -101,11 +93,9 @@ def bombs():
     return {
         "zstd bomb that says so": mcap(chunk("zstd", bomb, GIGABYTE)),
         "zstd bomb that lies": mcap(chunk("zstd", bomb, 1000)),
-        "zstd frame of petabytes": mcap(chunk("zstd", frame, 1000)),
         "lz4 bomb that lies": mcap(chunk("lz4", lz4_zeros(GIGABYTE), 1000)),
         "chunk of petabytes": mcap(chunk("", b"abc", HUGE)),
         "record of petabytes": mcap(struct.pack("<BQ", Opcode.MESSAGE, HUGE) + bytes(100)),
-        "channel of gigabytes": mcap(struct.pack("<BQ", Opcode.CHANNEL, 2**31) + bytes(1000)),
         "string of gigabytes": mcap(string, summary=[metadata_index]),
         "one chunk without an end": mcap(chunk("", b"", 0), summary=[chunk_index] * 2_000),
         "chunks that all overlap in time": mcap(
@@ -133,20 +123,6 @@ def test_a_bomb_is_one_line_in_bounded_memory(name, said_of_bombs):
     assert recovered == ("5" if "overlap" in name else "0")
 
 
-def chunk_start(content):
-    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
-    return index.chunk_start_offset
-
-
-def test_a_chunk_within_the_limit_is_read(tmp_path):
-    message = struct.pack("<HIQQ", 1, 0, 5, 5) + bytes(10_000_000)
-    data = record(Opcode.MESSAGE, message)
-    path = tmp_path / "large.mcap"
-    path.write_bytes(mcap(chunk("zstd", zstandard.compress(data), len(data), zlib.crc32(data))))
-    with rpud_sim.bag.open(path) as bag:
-        assert list(bag.messages()) == []  # it has no such channel, and says so by silence
-
-
 def test_what_is_no_file_is_not_waited_for(tmp_path):
     path = write_bag(tmp_path / "run")
     (path / "run_0.mcap").unlink()
@@ -165,17 +141,3 @@ def test_a_summary_that_was_changed_is_found_by_its_checksum(tmp_path):
     with pytest.raises(BagFormatError, match="the checksum of its summary section is wrong"):
         rpud_sim.bag.open(file)
     assert recover(file, tmp_path / "out").topics["/rpud/talk"].recovered == 10
-
-
-@pytest.mark.parametrize("compression", CompressionType)
-def test_a_cut_at_any_byte_of_a_chunk_s_head_ends(tmp_path, compression):
-    entries = [("/a", number, b"") for number in range(10)]
-    content = write_mcap(tmp_path / "a.mcap", entries, compression=compression).read_bytes()
-    head = chunk_start(content)
-    torn = tmp_path / "torn.mcap"
-    for size in range(head, head + 80):
-        torn.write_bytes(content[:size])
-        assert recover(torn, tmp_path / str(size)).message_count <= 1  # nothing before is lost
-        torn.write_bytes(content[head:size])
-        with suppress(BagFormatError):
-            assert recover(torn, tmp_path / f"alone-{size}").message_count <= 1

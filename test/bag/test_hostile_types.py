@@ -5,12 +5,11 @@ import struct
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from sample_bags import START, write_mcap
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.cdr import DECODED_LIMIT, DEFINITION_LIMIT, Codec
+from rpud_sim.bag.cdr import DEFINITION_LIMIT, Codec
 from rpud_sim.bag.columns import columns_of
 
 GIGABYTE = 2**30
@@ -95,9 +94,7 @@ def test_a_time_of_other_fields_is_no_time(fields):
 TINY = f"B[] parts\n{SEPARATOR}\nMSG: a_msgs/B\nint8 x\n"
 GREEDY = {  # a definition, and the first bytes of a message that ends in zeros
     "tiny members": (TINY, struct.pack("<I", 60_000_000)),
-    "no members": (TINY.replace("int8 x", "int8 X=1"), struct.pack("<I", 60_000_000)),
     "texts": ("string[] texts\n", struct.pack("<I", 12_000_000) + struct.pack("<IB3x", 1, 0) * 9),
-    "lists": (TINY.replace("int8 x", "int8[] x"), struct.pack("<I", 15_000_000)),
     "members' members": (
         f"C[] more\n{SEPARATOR}\nMSG: a_msgs/C\n{TINY}",
         struct.pack("<II", 1, 60_000_000),
@@ -160,13 +157,3 @@ def test_a_message_just_within_the_limit_stays_in_memory(tmp_path, name, file_fo
     said, memory = exported(path, file_format)
     assert "messages=1" in said
     assert memory < GIGABYTE
-
-
-def test_the_budget_counts_what_is_there_and_not_what_could_be():
-    definition = f"uint8[] image\nstring[] names\n{TINY}"
-    image = bytes(25_000_000)
-    message = b"\0\1\0\0" + struct.pack("<I", len(image)) + image + struct.pack("<II", 0, 1)
-    codec = Codec("a_msgs/msg/A", definition)
-    assert codec.shape.most(np.array([len(message)]))[0] > 10 * DECODED_LIMIT
-    decoded = codec.decode(message + b"\7")
-    assert (len(decoded.image), len(decoded.parts)) == (len(image), 1)

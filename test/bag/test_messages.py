@@ -204,13 +204,6 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path, read, most):
     assert peak < most
 
 
-def test_an_iteration_can_be_closed(tmp_path):
-    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
-        for found in (bag.messages(), bag.batches()):
-            next(found)
-            found.close()
-
-
 def test_all_chunks_together_hold_every_message_once(tmp_path):
     path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
     with rpud_sim.bag.open(path) as bag:

@@ -1,22 +1,31 @@
 """Metadata and offers have every field that rosbag2 reads; earlier versions are read."""
 
+import json
+import platform
+
+import numpy
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from sample_bags import CHAT, START, TALK
 
+from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.metadata import (
     INFINITE,
     FileInformation,
     Losses,
+    Manifest,
     QosProfile,
     ReadMetadata,
     dump_document,
     dump_offered_qos,
+    installed_versions,
     load_offered_qos,
     losses_from_record,
     losses_to_record,
+    machine_name,
+    manifest_from_record,
     metadata_from_document,
     metadata_of,
 )
@@ -135,32 +144,69 @@ def test_numbers_of_versions_before_9_are_understood():
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "offered"),
-    [
-        ("", ()),
-        ("[]", ()),
-        ("~", ()),
-        (
-            dump_offered_qos((QosProfile(),)).replace("volatile", "eternal"),
-            (QosProfile(durability="unknown"),),  # a policy of the future
-        ),
-    ],
-)
-def test_offers_that_are_none_or_unknown(text, offered):
-    assert load_offered_qos(text) == offered
-
-
-def test_losses_survive_the_bag():
+def test_losses_survive_the_bag_and_earlier_ones_are_read():
     losses = {"/a": Losses(transport=3, queue=2), "/b": Losses(None, 1, damaged=4)}
     assert losses_from_record(losses_to_record(losses)) == losses
+    assert losses_from_record({"/a": '{"transport": 3, "queue": 2}'}) == {"/a": losses["/a"]}
+    assert (losses["/a"].total, losses["/b"].total) == (5, None)
 
 
-def test_the_total_is_unknown_if_the_transport_does_not_count():
-    assert Losses(transport=3, queue=2).total == 5
-    assert Losses(transport=3, queue=2, damaged=1).total == 6
-    assert Losses(transport=None, queue=2).total is None
+VALUES = st.one_of(
+    st.booleans(), st.integers(), st.floats(allow_nan=False), st.text(), st.lists(st.floats(0, 1))
+)
 
 
-def test_a_record_without_damaged_messages_is_read_too():
-    assert losses_from_record({"/a": '{"transport": 3, "queue": 2}'}) == {"/a": Losses(3, 2, 0)}
+@given(
+    st.builds(
+        Manifest,
+        node=st.text(),
+        time=st.integers(0, 2**63 - 1),
+        parameters=st.dictionaries(st.text(), VALUES),
+        scenario=st.none() | st.text(),
+        command=st.lists(st.text()).map(tuple),
+        versions=st.dictionaries(st.text(), st.text()),
+        machine=st.text(),
+    )
+)
+def test_a_manifest_comes_back_bit_for_bit(manifest):
+    assert manifest_from_record(manifest.to_record()) == manifest
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        {},
+        {"manifest": ""},
+        {"manifest": "[]"},
+        {"manifest": "{}"},
+        {"manifest": "[" * 100_000},
+        {"manifest": json.dumps({**json.loads(Manifest().to_record()["manifest"]), "time": "x"})},
+        {"manifest": json.dumps({**json.loads(Manifest().to_record()["manifest"]), "versions": 1})},
+    ],
+)
+def test_what_is_no_manifest_is_one_clear_error(record):
+    with pytest.raises(BagFormatError, match="the record rpud_manifest is unreadable"):
+        manifest_from_record(record)
+
+
+def test_versions_and_machine_are_those_of_this_process(monkeypatch):
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    versions = installed_versions()
+    assert versions["python"] == platform.python_version()
+    assert versions["numpy"] == numpy.__version__
+    assert versions["ros_distro"] == "jazzy"
+    assert {"rpud_sim", "numba"} <= versions.keys()
+    assert machine_name().startswith(platform.machine())
+    assert platform.node() not in machine_name().split()
+
+
+def test_texts_without_an_encoding_are_escaped(tmp_path):
+    """File names may be other than UTF-8, and JSON may have halves of surrogate pairs."""
+    manifest = Manifest(command=("rpud", "\udcff"), parameters={"scenario": "\ud800"})
+    record = manifest.to_record()
+    assert "".join(record.values()).encode("utf-8")
+    found = manifest_from_record(record)
+    assert found.command == ("rpud", "\\xff")
+    assert found.parameters == {"scenario": "\\ud800"}
+    text = json.dumps(json.loads(record["manifest"]) | {"node": "\udc80\ud800"})
+    assert manifest_from_record({"manifest": text}).node.encode("utf-8")

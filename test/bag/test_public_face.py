@@ -23,8 +23,3 @@ def test_the_public_names_are_listed():
 def test_libraries_are_loaded_where_they_are_needed(module, libraries):
     code = f"import sys, {module}; print({libraries} & set(sys.modules))"
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"
-
-
-def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
-        rpud_sim.bag.nonsense  # noqa: B018

@@ -52,14 +52,6 @@ def test_a_bag_lists_its_topics_and_messages(tmp_path):
     assert (chat.first_time, chat.last_time) == (None, None)
 
 
-def test_two_iterations_do_not_disturb_each_other(tmp_path):
-    write_bag(tmp_path / "run", 100, chunk_size=200)
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
-        pairs = list(zip(bag.messages(), bag.messages(), strict=True))
-    assert len(pairs) == 100
-    assert all(first == second for first, second in pairs)
-
-
 @pytest.mark.parametrize(
     ("left_out", "complaint"),
     [

@@ -65,17 +65,6 @@ def test_by_size_no_file_is_larger(tmp_path, compression):
         assert bag.message_count == len(list(bag.messages())) == 1000
 
 
-def test_a_message_larger_than_a_file_may_be_has_its_own(tmp_path):
-    with BagWriter(tmp_path / "run", max_file_size=50_000) as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        for number in range(3):
-            bag.write_message(TALK.name, os.urandom(100_000), START + number, START)
-        assert bag.file_count == 3
-        bound = bag.closed_size
-        assert bag.size <= bound
-    assert sum(file.stat().st_size for file in (tmp_path / "run").iterdir()) <= bound
-
-
 def test_a_torn_one_is_recovered_into_one_file(tmp_path):
     path = write(tmp_path / "run", 300, max_file_duration=0.25)
     (path / "metadata.yaml").unlink()

@@ -1,6 +1,5 @@
 """Two lines turn any topic of a bag into NumPy arrays or a pandas frame."""
 
-import builtins
 import math
 import re
 import tracemalloc
@@ -18,7 +17,6 @@ from sample_bags import (
     TALK,
     serialized,
     serialized_string,
-    write_bag,
     write_everything,
     write_mcap,
     write_offline_bag,
@@ -82,17 +80,6 @@ def test_every_sample_of_a_waveform_has_its_exact_time(drilled):
     samples = block.sample(Times.from_grid(0, count, 50_000))
     assert np.array_equal(rows["contact_force"], samples.contact_force)
     assert rows["header.stamp"][2499:2501].tolist() == [0, SECOND // 20]
-
-
-def test_every_segment_of_a_trajectory_has_its_exact_time(drilled):
-    with rpud_sim.bag.open(drilled) as bag:
-        rows = bag.arrays("/rpud/trajectory")
-    segments = Simulation(preset("drilling")).advance_to(round(DURATION * 1e9)).segments
-    assert np.array_equal(rows["sequence"], np.arange(len(segments)))
-    assert np.array_equal(rows["duration"][:-1], segments["duration"][:-1])
-    ends = rows["time"][:-1] + np.rint(rows["duration"][:-1] * 1e9)
-    assert np.abs(rows["time"][1:] - ends).max() <= 1
-    assert rows["contact"].dtype == np.uint8
 
 
 def _offsets(period, first, count):
@@ -252,20 +239,6 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
     assert max(peak(4_000), peak(12_000)) < 6_000_000
 
 
-def test_a_type_without_fields_is_a_table_of_times(tmp_path):
-    # As std_msgs/msg/Empty: its definition is an empty text, not one that is unknown.
-    entries = [("/e", START + 1, b"\x00\x01\x00\x00\x00")]
-    kind = {"kind": "std_msgs/msg/Empty", "definitions": {"/e": ""}}
-    path = write_mcap(tmp_path / "run.mcap", entries, **kind)
-    with rpud_sim.bag.open(path) as bag:
-        assert bag.left_out == {}
-        columns = bag.arrays("/e")
-    assert {name: list(values) for name, values in columns.items()} == {
-        "log_time": [START + 1],
-        "publish_time": [START],
-    }
-
-
 def test_a_type_that_changed_within_a_bag_is_not_read_as_the_first(tmp_path):
     def write(name, definition):
         entries = [("/a", 0, b"\x00\x01\x00\x00" + bytes(4))]
@@ -342,18 +315,3 @@ def test_a_damaged_message_is_an_error_that_names_its_topic(
         pytest.raises(BagFormatError, match=rf"a\.mcap: /a: {complaint}"),
     ):
         bag.arrays("/a")
-
-
-def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
-    found = builtins.__import__
-
-    def without(name, *rest):
-        if name == "pandas":
-            raise ModuleNotFoundError("No module named 'pandas'", name="pandas")
-        return found(name, *rest)
-
-    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
-        monkeypatch.setattr(builtins, "__import__", without)
-        with pytest.raises(BagError, match=r"^a frame needs the Python module pandas: pip install"):
-            bag.frame(TALK.name)
-        assert len(bag.arrays(TALK.name)["data"]) == 10

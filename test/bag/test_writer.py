@@ -4,7 +4,6 @@ import itertools
 import os
 import resource
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
@@ -98,13 +97,6 @@ def test_nothing_is_overwritten(tmp_path, path, error):
     assert (tmp_path / "run" / "run_0.mcap").read_bytes() == before
 
 
-def test_folders_above_are_made_from_the_current_one_on(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for path in ("run", "runs/today/run"):
-        write_bag(Path(path))
-        assert (tmp_path / path / "run_0.mcap").is_file()
-
-
 def test_an_error_inside_leaves_a_complete_bag(tmp_path):
     def fail():
         with BagWriter(tmp_path / "run") as bag:
@@ -138,15 +130,6 @@ def test_what_was_flushed_is_in_the_file_before_it_is_closed(tmp_path):
         *_, last = itertools.islice(StreamReader(stream).records, 6)
     assert isinstance(last, McapMessage)
     bag.close()
-
-
-def test_records_are_kept_by_name(tmp_path):
-    with BagWriter(tmp_path / "run") as bag:
-        bag.add_record("rpud_manifest", {"seed": "1", "nested": '{"a": 2}'})
-        bag.add_record("rpud_manifest", {"seed": "2"})
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
-        assert bag.records("rpud_manifest") == [{"seed": "1", "nested": '{"a": 2}'}, {"seed": "2"}]
-        assert bag.records("other") == []
 
 
 def test_misuse_is_named(tmp_path):
