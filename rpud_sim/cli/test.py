@@ -16,7 +16,7 @@ from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.campaign_results import CampaignResults
+    from rpud_sim.testing.campaign_runs import CampaignResults
     from rpud_sim.verdicts import Verdict
 
 SUFFIXES = (".yaml", ".yml")

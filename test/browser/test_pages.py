@@ -15,7 +15,7 @@ from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
 from rpud_sim.testing.campaign_file import read_campaign
-from rpud_sim.testing.campaign_results import campaign_page
+from rpud_sim.testing.campaign_runs import campaign_page
 
 pytestmark = pytest.mark.extended
 
