@@ -63,9 +63,8 @@ def test_its_waveform_is_rebuilt_from_its_trajectory(bag, tmp_path, rpud):
     recorded = slice(None, resets[0] + 1 if len(resets) else None)
     found = pq.read_table(out / "rpud.trajectory.parquet")
     table = {name: found[name].to_numpy() for name in found.column_names}
-    times, here, there = np.intersect1d(
-        waveform["time"][recorded], table["time"], return_indices=True
-    )
+    here_at, there_at = waveform["time"][recorded], table["time"].astype(np.int64)
+    times, here, there = np.intersect1d(here_at, there_at, return_indices=True)
     assert len(times) > 100
     for name, values in table.items():
         if name in waveform and name != "time":
