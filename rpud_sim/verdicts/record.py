@@ -14,7 +14,7 @@ from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects
 from rpud_sim.bag.tables import to_rows
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
@@ -222,13 +222,13 @@ class Record:
 
     def _add_block(self, topic: str, message: Any) -> None:
         columns = drill_columns(topic, blocks=True)
-        values: dict[str, np.ndarray | Ragged] = {}
+        values: dict[str, np.ndarray | Sequences] = {}
         for column in columns:
             value = message
             for name in column.name.split("."):
                 value = self._count if name in RECEIVED else get(value, name)
             if column.kind is Kind.SEQUENCE:
-                values[column.name] = Ragged.of([np.array(value, column.dtype)], column.dtype)
+                values[column.name] = Sequences.of([np.array(value, column.dtype)], column.dtype)
             elif column.kind is Kind.TIME:
                 values[column.name] = np.array([time_of(value)], np.int64)
             else:
