@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from rpud_sim.testing.campaign_results import CampaignResults
-from rpud_sim.testing.campaign_runs import COMPLETED, flown_run
+from rpud_sim.testing.campaign_runs import COMPLETED, CampaignResults, flown_run
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 

@@ -3,11 +3,10 @@
 set -eu
 cd "$(dirname "$0")/requirements"
 
-# A source package could run anything at set-up, so there are only two that were never released as wheels: empy 3,
-# and antlr4-python3-runtime 4.7, which rtamt needs.
+# A source package could run anything at set-up, so there is only one, which was never released as a wheel: empy 3.
 lock() { # OUTPUT OPTION|INPUT...
   uv pip compile --quiet --upgrade --generate-hashes --only-binary :all: --no-header \
-    --no-binary empy --no-binary antlr4-python3-runtime --custom-compile-command "make lock" --output-file "$@"
+    --no-binary empy --custom-compile-command "make lock" --output-file "$@"
 }
 
 lock installer.lock --universal --python-version 3.10 installer.in

@@ -26,7 +26,7 @@ from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Members, Node
 from rpud_sim.bag.encoder import Sequence as Several
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 
 _GREATEST = 1e150  # squares of values beyond would overflow
 
@@ -80,10 +80,10 @@ class Column:
     attribute: str = ""  # of decoded messages, with dots; empty if there is no field
 
     @property
-    def empty(self) -> np.ndarray | Ragged:
-        """Values of no message, in the form of ``kind``; those of a sequence are ``Ragged``."""
+    def empty(self) -> np.ndarray | Sequences:
+        """Values of no message, in the form of ``kind``; those of a sequence are ``Sequences``."""
         if self.kind is Kind.SEQUENCE:
-            return Ragged.of([], self.dtype)
+            return Sequences.of([], self.dtype)
         return np.empty((0, self.length) if self.kind is Kind.ARRAY else 0, self.dtype)
 
 
@@ -174,15 +174,15 @@ class FieldValues:
     """Values of fields of a batch's messages."""
 
     rows: np.ndarray  # places of the readable messages in the batch, in their order, shape (n,)
-    # values of each column, by its name, in the form of ``Kind``; ``Ragged`` for sequences
+    # values of each column, by its name, in the form of ``Kind``; ``Sequences`` for sequences
     # of numbers
-    columns: dict[str, np.ndarray | Ragged]
+    columns: dict[str, np.ndarray | Sequences]
     errors: tuple[tuple[int, str], ...]  # place of each other message, and the reason
 
     def array(self, name: str) -> np.ndarray:
         """Return the values of a column that holds no sequences."""
         values = self.columns[name]
-        assert not isinstance(values, Ragged)
+        assert not isinstance(values, Sequences)
         return values
 
 
@@ -201,7 +201,7 @@ class FieldReader:
     def read(self, batch: SerializedBatch) -> FieldValues:
         """Return the values of messages; those that are not of the type are among the errors."""
         together = np.arange(len(batch) if self._fields is not None else 0)
-        found: dict[str, np.ndarray | Ragged] = {}
+        found: dict[str, np.ndarray | Sequences] = {}
         while len(together) >= _LEAST_TOGETHER:
             try:
                 fields = _Walk(self._codec, batch.part(together)).read(self._fields or ())
@@ -270,11 +270,11 @@ class _Walk:
         self._memory: _Places = codec.shape.memory
         self._spare: _Places = PADDING
 
-    def read(self, fields: Sequence[tuple[str, Node]]) -> dict[str, np.ndarray | Ragged]:
+    def read(self, fields: Sequence[tuple[str, Node]]) -> dict[str, np.ndarray | Sequences]:
         """Return the values of each field by its path; a row of numbers for each message."""
         self._check(self._sizes >= HEAD)
         self._check(items(self._data, "<u2")[self._starts] == 0x0100)  # little-endian
-        found: dict[str, np.ndarray | Ragged] = {}
+        found: dict[str, np.ndarray | Sequences] = {}
         for path, node in fields:
             if isinstance(node, str):
                 found[path] = (
@@ -313,7 +313,7 @@ class _Walk:
         self._spare = self._spare + UNUSED * np.equal(count, 0)
         return count
 
-    def _numbers(self, dtype: np.dtype, count: _Places) -> np.ndarray | Ragged:
+    def _numbers(self, dtype: np.dtype, count: _Places) -> np.ndarray | Sequences:
         size = dtype.itemsize
         if isinstance(count, np.ndarray):
             self._place = np.where(count > 0, aligned(self._place, size), self._place)
@@ -327,7 +327,7 @@ class _Walk:
         counts = np.broadcast_to(count, len(starts))
         values = gathered(self._data, starts, counts * size).view(dtype)
         if isinstance(count, np.ndarray):
-            return Ragged.of_counts(values, count)
+            return Sequences.of_counts(values, count)
         return values.reshape(len(starts), count)
 
     def _texts(self) -> list[str]:
@@ -364,7 +364,7 @@ class _Walk:
         return [list(row) for row in rows]
 
 
-def _column(column: Column, fields: Mapping[str, np.ndarray | Ragged]) -> np.ndarray | Ragged:
+def _column(column: Column, fields: Mapping[str, np.ndarray | Sequences]) -> np.ndarray | Sequences:
     """Return the values of a column from those of fields by their paths."""
     if column.kind in (Kind.TIME, Kind.DURATION):
         seconds, rest = (fields[f"{column.attribute}.{part}"] for part in ("sec", "nanosec"))
@@ -374,11 +374,11 @@ def _column(column: Column, fields: Mapping[str, np.ndarray | Ragged]) -> np.nda
     values = fields[column.attribute]
     if column.kind in (Kind.TEXT, Kind.NESTED):
         return values
-    if isinstance(values, Ragged):
-        return Ragged(_numbers_of(column, values.values), values.cuts)
+    if isinstance(values, Sequences):
+        return Sequences(_numbers_of(column, values.values), values.cuts)
     values = _numbers_of(column, values)
     if column.kind is Kind.SEQUENCE:
-        return Ragged.of_counts(values.reshape(-1), np.full(len(values), values.shape[1]))
+        return Sequences.of_counts(values.reshape(-1), np.full(len(values), values.shape[1]))
     return values[:, 0] if column.kind is Kind.NUMBER else values
 
 
@@ -387,26 +387,26 @@ def _numbers_of(column: Column, values: np.ndarray) -> np.ndarray:
     return values.astype(column.dtype, copy=False)
 
 
-def _column_of(column: Column, values: list[Any]) -> np.ndarray | Ragged:
+def _column_of(column: Column, values: list[Any]) -> np.ndarray | Sequences:
     """Return the values of a column from those of decoded messages."""
     if not values:
         return column.empty
     if column.kind in (Kind.TIME, Kind.DURATION):
         return np.array([each.sec * SECOND + each.nanosec for each in values], np.int64)
     if column.kind is Kind.SEQUENCE:
-        return Ragged.of(values, column.dtype)
+        return Sequences.of(values, column.dtype)
     if column.kind in (Kind.TEXT, Kind.NESTED):
         return objects([to_plain(each) for each in values])
     return np.array(values, column.dtype)
 
 
 def _joined(
-    column: Column, first: np.ndarray | Ragged, second: np.ndarray | Ragged, order: np.ndarray
-) -> np.ndarray | Ragged:
-    if isinstance(first, Ragged) and isinstance(second, Ragged):
+    column: Column, first: np.ndarray | Sequences, second: np.ndarray | Sequences, order: np.ndarray
+) -> np.ndarray | Sequences:
+    if isinstance(first, Sequences) and isinstance(second, Sequences):
         if not len(second):
             return first
-        return Ragged.of(objects([*first.rows(), *second.rows()])[order], column.dtype)
+        return Sequences.of(objects([*first.rows(), *second.rows()])[order], column.dtype)
     assert isinstance(first, np.ndarray)
     assert isinstance(second, np.ndarray)
     return np.concatenate([first, second])[order] if len(second) else first

@@ -19,7 +19,7 @@ import numpy as np
 
 from rpud_sim.bag.batches import items
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 
 TEXT = "s"
 # Codes of the struct, by the names of types in definitions and in IDL.
@@ -126,7 +126,7 @@ class Encoder:
 
         ``columns`` are as the values of one message, with an array in place of each number that
         differs from message to message. Sequences of numbers are arrays with a row for each
-        message, or ``Ragged``; texts and other sequences are the same in all.
+        message, or ``Sequences``; texts and other sequences are the same in all.
         """
         flat: list[Any] = []
         lengths: list[int] = []
@@ -138,17 +138,17 @@ class Encoder:
         parts = _parts(self._members, iter(lengths))
         for (code, size, alignment), value in zip(parts, flat, strict=True):
             pad = -place % alignment
-            if isinstance(value, Ragged):
+            if isinstance(value, Sequences):
                 pad = np.where(value.counts > 0, pad, 0)
             place = place + pad
             written.append((f"S{size}" if code.endswith("s") else code, place, value))
-            place = place + size * (value.counts if isinstance(value, Ragged) else 1)
+            place = place + size * (value.counts if isinstance(value, Sequences) else 1)
         head, end = len(_ENCAPSULATION), place
         sizes = np.full(count, head + end, np.int64)
         starts = np.cumsum(sizes) - sizes
         data = np.zeros(int(sizes.sum()), np.uint8)
         for code, place, value in ((f"S{head}", -head, _ENCAPSULATION), *written):
-            if isinstance(value, Ragged):
+            if isinstance(value, Sequences):
                 _sequences_at(data, starts + head + place, value)
             elif isinstance(end, np.ndarray):
                 _column_at(data, starts + head + place, code, value)
@@ -157,7 +157,7 @@ class Encoder:
         return data, sizes
 
 
-def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> None:
+def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Sequences) -> None:
     content = np.ascontiguousarray(sequences.values).view(np.uint8).data
     target = data.data
     cuts = (sequences.cuts * sequences.values.itemsize).tolist()
@@ -239,7 +239,7 @@ def _flatten_numbers(element: Any, values: Any, flat: list[Any], lengths: list[i
         lengths.append(length)
         flat += length, values.tobytes()
         return
-    if isinstance(values, Ragged) and values.values.dtype == _DTYPES[element]:
+    if isinstance(values, Sequences) and values.values.dtype == _DTYPES[element]:
         lengths.append(_RAGGED)
         flat += values.counts, values
         return

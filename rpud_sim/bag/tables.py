@@ -20,7 +20,7 @@ from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 
 if TYPE_CHECKING:
     import pandas
@@ -133,13 +133,15 @@ class Table:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(SerializedBatch(self._name, none, none, data, none, none))
 
-    def _batch(self, batch: SerializedBatch, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
+    def _batch(
+        self, batch: SerializedBatch, columns: Mapping[str, np.ndarray | Sequences]
+    ) -> Batch:
         received = {"log_time": batch.log_times, "publish_time": batch.publish_times}
         if self._has_rows:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
         else:
             values = received | {
-                name: objects(each.rows()) if isinstance(each, Ragged) else each
+                name: objects(each.rows()) if isinstance(each, Sequences) else each
                 for name, each in columns.items()
             }
         return Batch(self._name, values, len(batch))
@@ -312,14 +314,14 @@ def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
 
 
 def to_rows(
-    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Ragged]
+    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Sequences]
 ) -> dict[str, np.ndarray]:
     """Return the values of ``row_columns``, one for each row, from those of each block.
 
     Each row has the values that its block has once. ``sequence`` is the number of the row.
     """
-    sequences = {name: each for name, each in blocks.items() if isinstance(each, Ragged)}
-    single = {name: each for name, each in blocks.items() if not isinstance(each, Ragged)}
+    sequences = {name: each for name, each in blocks.items() if isinstance(each, Sequences)}
+    single = {name: each for name, each in blocks.items() if not isinstance(each, Sequences)}
     first = next(iter(sequences))
     counts = sequences[first].counts
     for name, each in sequences.items():

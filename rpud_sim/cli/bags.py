@@ -203,11 +203,9 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     "parts, 1 failed, 2 wrong call.",
     BAG,
     out=required("new folder for the files", metavar="DIR"),
-    format=option(_FORMATS[0], "of the files (default: %(default)s)", choices=_FORMATS),
+    format=option(_FORMATS[0], "of the files", choices=_FORMATS),
     topics=option(None, "export only these topics (absolute names)", nargs="+", metavar="TOPIC"),
-    rate=option(
-        None, "export the waveform, rebuilt at this whole number of samples a second", _RATE
-    ),
+    rate=option(None, "export the waveform, rebuilt at so many samples a second", _RATE),
     run=run_number_option("with --rate: "),
     start=start_option(),
     duration=duration_option("export"),
@@ -255,7 +253,7 @@ def _rebuilt_lines(rebuilt: Any) -> Iterator[str]:
     "motion, and values by segment between commands and faults. It needs no other file and no "
     "network. Exit codes: 0 done, 3 done but for damaged parts, 1 failed, 2 wrong call.",
     BAG,
-    out=option("report.html", "new file (default: %(default)s)", metavar="FILE"),
+    out=option("report.html", "new file", metavar="FILE"),
     namespace=option("", "drill; default: the first", metavar="NAME"),
 )
 def _report(options: Any) -> int:

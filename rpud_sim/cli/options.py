@@ -73,16 +73,12 @@ JSON: Fields = {"json": option(False, "print one JSON object", last=True)}
 BAG: Fields = {**JSON, "bag": bag_argument()}
 # Where a drill runs.
 PLACE: Fields = {
-    "namespace": option("/rpud", "namespace of the drill (default: %(default)s)", last=True),
+    "namespace": option("/rpud", "namespace of the drill", last=True),
     "domain": option(None, "ROS domain (default: ROS_DOMAIN_ID, or 0)", DOMAIN, last=True),
 }
 ASSIGNMENT: dict[str, Any] = {"flag": "--set", "action": "append", "metavar": "NAME=VALUE"}
 PARAMETERS: Fields = {
-    "regime": option(
-        None,
-        "free is before drilling, drilling is in the rock (default: drilling)",
-        choices=("free", "drilling"),
-    ),
+    "regime": option(None, "before drilling or in the rock", choices=("free", "drilling")),
     "config": option(None, "a ROS parameter file, such as config/drilling.yaml", metavar="FILE"),
     "assignments": option((), "set one parameter, in SI units; can be repeated", **ASSIGNMENT),
 }
@@ -100,12 +96,7 @@ def parameter_values(options: Any) -> dict[str, Any]:
 
 
 def run_number_option(condition: str = "") -> int:
-    return option(
-        1,
-        f"{condition}number of the simulation, if resets or restored checkpoints began "
-        "several (default: the first)",
-        RUN,
-    )
+    return option(1, f"{condition}number of the run, if resets began several", RUN)
 
 
 class Parser(argparse.ArgumentParser):
@@ -136,6 +127,8 @@ def add_options(parser: argparse.ArgumentParser, fields: Fields) -> None:
             words["action"] = "store_true"
         elif not words.get("required"):
             words["default"] = None if field.default == () else field.default
+            if words["default"] not in (None, "") and "default" not in words["help"]:
+                words["help"] += " (default: %(default)s)"
         if "quantity" in words:
             unit = words.pop("quantity").unit
             words = {"metavar": _METAVARS.get(unit, unit.upper()), **words}

@@ -20,19 +20,10 @@ _PROGRAM = "python -m rpud_sim.cli.precompile"
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    parser = Parser(
-        prog=_PROGRAM,
-        description="Compile the model now, for the first start on this machine or on others. "
-        "The kernels serve every x86-64 processor of level x86-64-v3 with the same versions of "
-        "Python (3.x), NumPy (its first number), Numba and llvmlite. Kernels that are there "
-        "already are left.",
-    )
-    parser.add_argument(
-        "--into",
-        metavar="DIR",
-        help="folder for the kernels, such as rpud_sim/kernels/compiled of a package that is built "
-        "(default: that of this installation, or the user's if it cannot be written to)",
-    )
+    text = "Compile the kernels of the model that are not there yet, for any x86-64-v3 processor."
+    parser = Parser(prog=_PROGRAM, description=text)
+    text = "folder for all kernels (default: that of this installation, or the user's)"
+    parser.add_argument("--into", metavar="DIR", help=text)
     arguments = parser.parse_args(words)
     run_program(_PROGRAM, lambda: report_errors(_PROGRAM, lambda: run(arguments)))
 
@@ -47,16 +38,17 @@ def run(arguments: argparse.Namespace) -> int:
             lacking = ", ".join(target.lacking)
             raise CommandError(f"this processor lacks {lacking} of {BASELINE}: --into needs them")
         STORE.folders = (Path(arguments.into), *STORE.folders)
-    place = STORE.place()
-    if arguments.into and place != STORE.folders[0]:
+    if arguments.into and STORE.place() != STORE.folders[0]:
         raise CommandError(STORE.refused or f"nothing can be written to {arguments.into}")
     began = time.perf_counter()
     _use_every_kernel()
     if STORE.lost:
         folders = ", ".join(str(folder) for folder in STORE.folders)
         raise CommandError(f"nothing can be written to {folders}")
-    if arguments.into:
-        _gather(STORE, Path(arguments.into))
+    for number, file in enumerate(STORE.found) if arguments.into else ():
+        if file.parent != STORE.folders[0]:
+            STORE.folders[0].mkdir(parents=True, exist_ok=True)
+            STORE.found[number] = Path(shutil.copyfile(file, STORE.folders[0] / file.name))
     print(_text(STORE, target.cpu, time.perf_counter() - began))
     return ExitCode.DONE
 
@@ -72,23 +64,13 @@ def _use_every_kernel() -> None:
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
 
 
-def _gather(store: KernelStore, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, file in enumerate(store.found):
-        if file.parent != folder:
-            store.found[number] = Path(shutil.copyfile(file, folder / file.name))
-
-
 def _text(store: KernelStore, cpu: str, duration: float) -> str:
-    folders = sorted({str(file.parent) for file in (*store.found, *store.written)})
-    place = ", ".join(folders)
-    if not store.written:
-        return f"nothing to compile: {len(store.found)} kernels for {cpu} are in {place}"
-    size = sum(file.stat().st_size for file in store.written) / 1e6
-    return (
-        f"{len(store.written)} kernels compiled for {cpu} in {duration:.0f} s, {size:.1f} MB; "
-        f"{len(store.found) + len(store.written)} are in {place}"
+    files = (*store.found, *store.written)
+    place = ", ".join(sorted({str(file.parent) for file in files}))
+    done = (
+        f"{len(store.written)} compiled in {duration:.0f} s" if store.written else "none to compile"
     )
+    return f"{done}: {len(files)} kernels for {cpu} are in {place}"
 
 
 if __name__ == "__main__":

@@ -30,23 +30,10 @@ _SEED = Quantity("", "seed", 0, 2**63, whole=True)
     "run the drill offline, faster than real time, and print its figures",
     "",
     {**JSON, **PARAMETERS},
-    duration=option(10.0, "simulated time (default: %(default)s)", _DURATION),
-    repeat=option(
-        1,
-        "an ensemble of N runs over initial vibration phases; adds standard errors",
-        _REPEAT,
-    ),
-    seed=option(
-        None,
-        "seed of the initial phases, and of the scenario in place of its own",
-        _SEED,
-        metavar="S",
-    ),
-    commands=option(
-        None,
-        "commands and faults at their times, a YAML file as of rpud fork --commands",
-        metavar="FILE",
-    ),
+    duration=option(10.0, "simulated time", _DURATION),
+    repeat=option(1, "runs over initial vibration phases, for standard errors", _REPEAT),
+    seed=option(None, "seed of phases, and of the scenario in place of its own", _SEED),
+    commands=option(None, "commands and faults at their times, as of rpud fork", metavar="FILE"),
     bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
 )
 def _run(options: Any) -> int:

@@ -16,7 +16,7 @@ from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.campaign_results import CampaignResults
+    from rpud_sim.testing.campaign_runs import CampaignResults
     from rpud_sim.verdicts import Verdict
 
 SUFFIXES = (".yaml", ".yml")
@@ -34,20 +34,12 @@ _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
     "A campaign runs scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
     "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
-    subject=positional(
-        "BAG|CAMPAIGN",
-        "a bag's folder or one file of it, or a campaign file that ends in .yaml",
-    ),
+    subject=positional("BAG|CAMPAIGN", "a bag, or a campaign file that ends in .yaml"),
     expect=option(None, "expectations, as in docs/reference", metavar="FILE"),
     namespace=option(None, "of the drill, where the bag holds several", metavar="NAME"),
     junit=option(None, "write a JUnit XML file as well", metavar="FILE"),
     json=option(False, "print one JSON object"),
-    out=option(
-        None,
-        "folder for page, bags and logs (default: rpud-artefacts)",
-        metavar="DIR",
-        group="campaigns",
-    ),
+    out=option(None, "folder (default: rpud-artefacts)", metavar="DIR", group="campaigns"),
     only=option(None, "only these runs: -k of pytest", metavar="EXPRESSION", group="campaigns"),
     further=field(default=()),  # words for pytest
 )

@@ -31,23 +31,9 @@ _SEARCH_PERIOD = 0.05  # s
     "trajectory. It prints the address of the page, which only this machine can reach unless "
     "--address says otherwise. Other machines then need the token in the address.",
     PLACE,
-    bag=positional(
-        "BAG",
-        "a bag's folder or one file of it: the page shows the bag, and needs no ROS",
-        nargs="?",
-    ),
-    port=option(
-        DEFAULT_PORT,
-        "port of the page, 0 for a free one (default: %(default)s)",
-        PORT,
-        metavar="P",
-    ),
-    address=option(
-        "127.0.0.1",
-        "address to listen on; others than this machine's own need the printed token "
-        "(default: %(default)s)",
-        metavar="A",
-    ),
+    bag=positional("BAG", "show this bag, a folder or one file, without ROS", nargs="?"),
+    port=option(DEFAULT_PORT, "port of the page, 0 for a free one", PORT, metavar="P"),
+    address=option("127.0.0.1", "address to listen on; remote ones need the token", metavar="A"),
     open=option(False, "open the page in the browser"),
     beside_drill=option(False, argparse.SUPPRESS),  # as `rpud run` starts it
 )

@@ -10,11 +10,11 @@ from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountState
 from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, Rotor, RotorState
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.foundation.values import Shared
+from rpud_sim.foundation.values import Immutable
 
 
 @dataclasses.dataclass(frozen=True)
-class ProcessState(Shared):
+class ProcessState(Immutable):
     """State of the slow processes at their last step, immutable."""
 
     time: int = 0  # of that step [ns]

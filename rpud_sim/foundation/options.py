@@ -51,7 +51,7 @@ def bag_argument() -> Any:
 
 
 def start_option() -> float:
-    return option(0.0, "skip that many seconds of the bag (default: 0)", SECONDS)
+    return option(0.0, "skip that many seconds of the bag", SECONDS)
 
 
 def duration_option(verb: str) -> float | None:
@@ -65,7 +65,7 @@ def run_time_option() -> float | None:
 
 
 def namespace_option(text: str) -> str:
-    return option("/rpud", f"{text} (default: %(default)s)")
+    return option("/rpud", text)
 
 
 def parent_flag() -> bool:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class Shared:
+class Immutable:
     """Base of immutable values: a deep copy, such as that of a run, is the value itself."""
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
@@ -24,7 +24,7 @@ class Shared:
 
 
 @dataclass(frozen=True)
-class Ragged:
+class Sequences:
     """Sequences of numbers, one behind the other."""
 
     values: np.ndarray  # of all sequences, shape (m,)
@@ -32,13 +32,13 @@ class Ragged:
     cuts: np.ndarray
 
     @classmethod
-    def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Ragged:
+    def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Sequences:
         parts = [part.astype(dtype, copy=False) for part in rows]
         counts = np.array([len(part) for part in parts], np.int64)
         return cls.of_counts(np.concatenate([np.empty(0, dtype), *parts]), counts)
 
     @classmethod
-    def of_counts(cls, values: np.ndarray, counts: np.ndarray) -> Ragged:
+    def of_counts(cls, values: np.ndarray, counts: np.ndarray) -> Sequences:
         return cls(values, np.concatenate([[0], np.cumsum(counts)]))
 
     def __len__(self) -> int:

@@ -27,6 +27,7 @@ from rpud_sim.foundation.quantities import (
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
+_DEEPEST = 50  # levels of mappings and lists
 
 
 class _Loader(yaml.SafeLoader):
@@ -78,6 +79,8 @@ def _read_yaml(text: str) -> tuple[Any, Lines]:
 
     def visit(node: Any, place: Place, line: int) -> None:
         lines[place] = line
+        if len(place) > _DEEPEST:
+            raise ParameterError(f"nested deeper than {_DEEPEST} levels")
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
                 visit(value, (*place, str(key.value)), key.start_mark.line + 1)
@@ -106,38 +109,27 @@ def truth_value(value: Any) -> Any:
 
 
 @dataclasses.dataclass(frozen=True)
-class Source:
-    """Origin of cursors, and the beginning of their errors."""
-
-    file: str  # its name, or that of an option
-    error: type[ValueError] = ParameterError  # class of the errors
-    lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
-
-    def head(self, place: Place) -> str:
-        """Return the beginning of an error about a place, or the nearest known one around it."""
-        while place and place not in self.lines:
-            place = place[:-1]
-        return f"{self.file}:{self.lines[place]}: " if self.lines else f"{self.file}: "
-
-
-@dataclasses.dataclass(frozen=True)
 class Cursor:
     """Value in YAML and its place."""
 
     value: Any
-    source: Source
+    file: str  # its name, or that of an option
+    kind: type[ValueError] = ParameterError  # class of the errors
+    lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
 
     @property
     def prefix(self) -> str:
-        """Beginning of an error: file, and line or path."""
-        path = self.name and not self.source.lines
-        return self.source.head(self.place) + (f"{self.name}: " if path else "")
+        """Beginning of an error: file, and the nearest known line around the place, or its path."""
+        if not self.lines:
+            return f"{self.file}: {self.name}: " if self.name else f"{self.file}: "
+        known = (self.place[:size] for size in range(len(self.place), -1, -1))
+        return f"{self.file}:{next(self.lines[place] for place in known if place in self.lines)}: "
 
     def error(self, text: str) -> ValueError:
         """Return an error in one line."""
-        error = self.source.error(self.prefix + text)
+        error = self.kind(self.prefix + text)
         vars(error)["place"] = self.place
         return error
 
@@ -185,7 +177,9 @@ class Cursor:
         if not isinstance(self.value, list):
             raise self.wrong("is not a list")
         return [
-            Cursor(value, self.source, f"{self.name}[{index}]", (*self.place, index))
+            dataclasses.replace(
+                self, value=value, name=f"{self.name}[{index}]", place=(*self.place, index)
+            )
             for index, value in enumerate(self.value)
         ]
 
@@ -197,9 +191,9 @@ class Cursor:
 
     def _at(self, key: Any, value: Any) -> Cursor:
         name = shown_name(key)
-        if self.name and not self.source.lines:
+        if self.name and not self.lines:
             name = f"{self.name}.{name}"
-        return Cursor(value, self.source, name, (*self.place, str(key)))
+        return dataclasses.replace(self, value=value, name=name, place=(*self.place, str(key)))
 
 
 def open_yaml(path: str | Path, *, error: type[ValueError] = ParameterError) -> Cursor:
@@ -218,9 +212,9 @@ def open_yaml(path: str | Path, *, error: type[ValueError] = ParameterError) -> 
         raise error(f"{path} is not YAML: {failure}") from None
     except ParameterError as failure:
         raise error(f"{path} {failure}") from None
-    return Cursor(value, Source(str(path), error, lines))
+    return Cursor(value, str(path), error, lines)
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:
     """Return a cursor at a value, with a name in place of a file's."""
-    return Cursor(value, Source(name, error))
+    return Cursor(value, name, error)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 from rpud_sim.simulation.topics import Fields
 
 # A message: simulation time at which it is published [ns], topic, fields.
@@ -27,7 +27,7 @@ class Batch:
     topic: str  # its name
     times: np.ndarray  # simulation time at which each is published [ns], shape (n,), int64
     # as of one message, with an array in place of each value that differs. A sequence has a
-    # row for each message, or is ``Ragged``.
+    # row for each message, or is ``Sequences``.
     fields: Fields
     # Messages of batches of one span alternate by their places; 0 if they follow each other.
     span: int = 0
@@ -63,7 +63,7 @@ def _row(fields: Fields, number: int) -> Fields:
             row[name] = column.item(number) if column.ndim == 1 else to_array(column[number])
         elif kind is dict:
             row[name] = _row(column, number)
-        elif kind is Ragged:
+        elif kind is Sequences:
             row[name] = to_array(column.sequence(number))
         else:
             row[name] = list(column) if kind is list else column

@@ -158,6 +158,7 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> P
             raise ParameterError(
                 f"{name} cannot change during a run; those that can are {', '.join(allowed)}"
             )
+        PARAMETERS[name].allowed.check(name, values[name])
     lasting = {name: value for name, value in values.items() if name not in _COMMANDED}
     commands = [_COMMANDED[name](values[name]) for name in _COMMANDED if name in values]
     actions = [*([Configure(lasting)] if lasting else []), *commands]

@@ -5,7 +5,7 @@ ROS messages from it, and bags are encoded from it. Messages are dictionaries, s
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 
 What a drill samples comes as columns of many messages: an array in place of each value that differs
-from message to message. A sequence is an array with a row for each message, or ``Ragged`` if its
+from message to message. A sequence is an array with a row for each message, or ``Sequences`` if its
 length differs. One message is a row of such columns (``Batch.row``).
 """
 
@@ -23,7 +23,7 @@ import numpy as np
 from rpud_sim.drilling.mount import FEED_MODES
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.faults import FaultLedger, FaultRecord
@@ -220,7 +220,7 @@ def waveform_fields(samples: Samples, cuts: np.ndarray, sample_rate: int, origin
     if (counts == counts[0]).all():
         channels = {name: each.reshape(len(counts), -1) for name, each in channels.items()}
     else:
-        channels = {name: Ragged(each, cuts - cuts[0]) for name, each in channels.items()}
+        channels = {name: Sequences(each, cuts - cuts[0]) for name, each in channels.items()}
     # Python's numbers: 64 bits would overflow within days.
     starts = [cut * SECOND // sample_rate for cut in cuts[:-1].tolist()]
     return {
@@ -251,7 +251,7 @@ def trajectory_fields(segments: np.ndarray, cuts: np.ndarray, sequence: int, ori
         "sequence": sequence + cuts[:-1],
         "origin": time_fields(origin),
         **{name: first[name] for name in CONSTANTS},
-        **{name: Ragged(segments[name], cuts) for name in SEGMENT_ARRAYS},
+        **{name: Sequences(segments[name], cuts) for name in SEGMENT_ARRAYS},
     }
 
 

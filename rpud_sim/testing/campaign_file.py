@@ -117,7 +117,7 @@ def _launch_text(value: Any) -> str:
 
 
 def _folder_of(cursor: Cursor) -> Path:
-    return Path(cursor.source.file).parent.absolute()
+    return Path(cursor.file).parent.absolute()
 
 
 def _system(cursor: Cursor) -> CampaignSystem:

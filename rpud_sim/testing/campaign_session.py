@@ -21,8 +21,7 @@ from rpud_sim.testing.item_drills import give_back_drills, take_drill
 
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign_file import Campaign, CampaignRun
-    from rpud_sim.testing.campaign_results import CampaignResults
-    from rpud_sim.testing.campaign_runs import FlownRun
+    from rpud_sim.testing.campaign_runs import CampaignResults, FlownRun
 
 NAME = "rpud_campaigns"  # of the plugin, by which its results are found
 # Keys that together only campaigns have.
@@ -127,7 +126,7 @@ class CampaignSession:
         """Write the page and the results of each campaign of which a run was flown."""
         if not self._runs or hasattr(self._config, "workerinput"):
             return
-        from rpud_sim.testing.campaign_results import campaign_page, results_from_reports
+        from rpud_sim.testing.campaign_runs import campaign_page, results_from_reports
 
         folder = self._config.getoption("rpud_artefacts")
         place = Path(self._config.rootpath, folder)

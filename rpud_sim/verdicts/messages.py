@@ -117,11 +117,9 @@ class FieldSamples:
 
 
 class TopicMessages:
-    """Messages of one topic of a run, in order of their stamps; one that comes twice counts once.
+    """Messages of one topic of a run, each once, in order of stamps, then of numbers or counters.
 
-    The order does not depend on that of arrival: messages of one stamp are ordered by their numbers
-    or counters, where they have some. Reports of one stamp with the same counters are in the order
-    in which the drill published them.
+    Reports of one stamp with the same counters are in the order in which they were published.
     """
 
     def __init__(self, topic: str, pieces: list[Piece]) -> None:

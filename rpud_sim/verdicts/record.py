@@ -14,7 +14,7 @@ from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects
 from rpud_sim.bag.tables import to_rows
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
@@ -37,8 +37,8 @@ _STATUS_TYPE = "rpud_msgs/msg/Status"
 class Record:
     """Messages of some topics, from which expectations take their signals.
 
-    Of a bag only the last run counts. Live messages are of one run: ``clear`` it at a reset. Topics
-    may be added by names relative to ``namespace``, or absolute names.
+    Of a bag only the last run counts. Live messages are of one run: a reset needs another record.
+    Topics have names relative to ``namespace``, or absolute names.
     """
 
     def __init__(self, namespace: str = NAMESPACE) -> None:
@@ -61,12 +61,10 @@ class Record:
         progress: Callable[[int], object] = lambda count: None,
         expectations: Iterable[Expectation] = (),
     ) -> Record:
-        """Read topics of a bag, by names relative to the drill's namespace or absolute names.
+        """Read topics of a bag; without ``namespace`` it is that of the only status.
 
-        Without ``namespace`` it is that of the only status in the bag. ``progress`` is called with
-        the number of messages since its last call. That the topics have the fields which
-        ``expectations`` name is checked before anything is read. A RecordingError says why the runs
-        of a bag cannot be told.
+        ``progress`` is called with the number of messages since its last call. The fields that
+        ``expectations`` name are checked first. A RecordingError says why runs cannot be told.
         """
         with open_bag(path) as bag:
             known = {summary.topic.name: summary for summary in bag.topics}
@@ -100,10 +98,9 @@ class Record:
         return record
 
     def add(self, topic: str, stamp: int, message: Any) -> None:
-        """Add a message as it arrives, with the stamp of its header, or else of its arrival [ns].
+        """Add a message as it arrives: a mapping, or an object with fields that stay as they are.
 
-        The message is a mapping, or an object with its fields as attributes. It must not change
-        from now on.
+        The stamp is that of its header, or else of its arrival [ns].
         """
         topic = self._relative(topic)
         if topic in ("waveform", "trajectory"):
@@ -119,13 +116,6 @@ class Record:
         self._losses[topic] = self._losses.get(topic, 0) + count
         self._kept.clear()
 
-    def clear(self) -> None:
-        """Forget all messages, as after a reset of the drill."""
-        self._pieces.clear()
-        self._live.clear()
-        self._losses.clear()
-        self._kept.clear()
-
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics with messages, in the order of their names."""
@@ -138,13 +128,8 @@ class Record:
         return self._notes.get(topic, f"{topic} has no message")
 
     def lost(self, topic: str) -> int:
-        """Return the number of messages lost at unknown times.
-
-        Of losses that the recorder counted, those are left out whose place the messages' own
-        numbers show.
-        """
-        counted = self._losses.get(topic, 0)
-        return max(0, counted - self.messages(topic).missing.total)
+        """Return how many messages are lost at unknown times, which their numbers do not show."""
+        return max(0, self._losses.get(topic, 0) - self.messages(topic).missing.total)
 
     def missing(self, topic: str) -> MissingMessages:
         """Return the missing messages of a topic: those at known times, and ``lost``."""
@@ -153,10 +138,9 @@ class Record:
     def span(self, topics: Collection[str]) -> tuple[int, int] | None:
         """Return the first and last nanosecond that a record of some topics covers.
 
-        It begins with the run, or with the first message of a periodic topic if that comes too late
-        for the first of the run; without a periodic topic, with the first message of any. It ends
-        with the last message of any. Commands and topics of others do not count, unless there are
-        no others. Without messages there is none.
+        It begins with the run, or with the first periodic message if that comes much later, or
+        else with the first of all. It ends with the last one. Commands and topics of others count
+        only if there are no others; without messages it is None.
         """
         filled = [topic for topic in sorted(topics) if len(self.messages(topic))]
         own = [each for each in filled if each in TYPES and not each.startswith("command/")]
@@ -238,13 +222,13 @@ class Record:
 
     def _add_block(self, topic: str, message: Any) -> None:
         columns = drill_columns(topic, blocks=True)
-        values: dict[str, np.ndarray | Ragged] = {}
+        values: dict[str, np.ndarray | Sequences] = {}
         for column in columns:
             value = message
             for name in column.name.split("."):
                 value = self._count if name in RECEIVED else get(value, name)
             if column.kind is Kind.SEQUENCE:
-                values[column.name] = Ragged.of([np.array(value, column.dtype)], column.dtype)
+                values[column.name] = Sequences.of([np.array(value, column.dtype)], column.dtype)
             elif column.kind is Kind.TIME:
                 values[column.name] = np.array([time_of(value)], np.int64)
             else:

@@ -1,9 +1,8 @@
 """Step functions over integer nanoseconds whose values are known or lie between bounds.
 
-A step function has a value at every nanosecond from the beginning to the end of a recording, and
-one more step after the end, of which nothing is known. A value is four numbers: least and greatest
-possible margin, and least and greatest possible truth (1 true, -1 false). Both obey the same
-minimum and maximum, so every operation treats all four alike.
+A step function ends with a step after the recording, of which nothing is known. A value is four
+numbers: least and greatest possible margin, and least and greatest possible truth (1 true, -1
+false). Both obey the same minimum and maximum, so every operation treats all four alike.
 """
 
 from __future__ import annotations
@@ -165,9 +164,8 @@ def over_window(
 ) -> Steps:
     """Return always (the ``least`` value in a window) or eventually (the greatest).
 
-    The window is from ``start`` to ``end`` after each instant [ns]; None is the end of the
-    recording. Absent instants do not count; without any other the result is absent. With ``once``
-    only the value at the beginning counts.
+    The window is from ``start`` to ``end`` after each instant [ns], None for all. Absent instants
+    do not count; without any other the result is absent. ``once`` is for the beginning alone.
     """
     last = len(steps.starts) - 1
     times = steps.starts[[0, -1]]

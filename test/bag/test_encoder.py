@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.encoder import CODES, TEXT, Encoder, Members, Sequence
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
@@ -107,7 +107,7 @@ def columns_of(rows):
                 columns[name] = columns[name].reshape(len(own), len(value))
             else:
                 values = np.array([v for each in own for v in each.tolist()], value.typecode)
-                columns[name] = Ragged(values, np.cumsum([0, *counts]))
+                columns[name] = Sequences(values, np.cumsum([0, *counts]))
         else:
             whole = np.uint64 if isinstance(value, int) and max(own) >= 2**63 else None
             columns[name] = value if isinstance(value, (str, list)) else np.array(own, whole)
@@ -149,7 +149,7 @@ def mixed(first, other, ragged):
 def test_sequences_of_different_lengths_may_all_be_empty():
     encoder = installed_codec(JOINTS).encoder
     lists = {"name": [], "velocity": array("d"), "effort": array("d")}
-    columns = {"header": HEADER, **lists, "position": Ragged(np.empty(0), np.zeros(3, np.int64))}
+    columns = {"header": HEADER, **lists, "position": Sequences(np.empty(0), np.zeros(3, np.int64))}
     encoded, _ = encoder.encode_columns(columns, 2)
     assert encoded.tobytes() == 2 * encoder.encode({**columns, "position": array("d")})
 

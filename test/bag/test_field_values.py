@@ -10,7 +10,7 @@ from support import examples
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import FieldReader, Kind, columns_of, to_plain
 from rpud_sim.bag.encoder import Decoded
-from rpud_sim.foundation.values import Ragged
+from rpud_sim.foundation.values import Sequences
 
 PARTS = f"""
 {SEPARATOR}
@@ -89,7 +89,7 @@ def write(definition, fields, order):
 
 def told(value):
     """Plain values as text, in which NaN is itself."""
-    if isinstance(value, Ragged):
+    if isinstance(value, Sequences):
         return repr([part.tolist() for part in value.rows()])
     return repr(to_plain(value))
 
@@ -112,9 +112,9 @@ def assert_same(codec, columns, messages, gap=b""):
     assert found.rows.tolist() == [n for n, each in enumerate(single) if len(each.rows)]
     for column in columns:
         values = found.columns[column.name]
-        rows = values.rows() if isinstance(values, Ragged) else [*values]
+        rows = values.rows() if isinstance(values, Sequences) else [*values]
         expected = [each.columns[column.name] for each in single if len(each.rows)]
-        expected = [each.rows() if isinstance(each, Ragged) else each for each in expected]
+        expected = [each.rows() if isinstance(each, Sequences) else each for each in expected]
         assert [*map(told, rows)] == [told(each) for (each,) in expected], column.name
 
 

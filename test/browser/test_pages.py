@@ -14,7 +14,7 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.studies.fit import posterior
 from rpud_sim.testing.campaign_file import read_campaign
-from rpud_sim.testing.campaign_results import campaign_page
+from rpud_sim.testing.campaign_runs import campaign_page
 
 pytestmark = pytest.mark.extended
 

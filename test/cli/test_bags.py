@@ -188,7 +188,4 @@ def test_what_a_fork_refuses_is_one_line_each(drill_bag, tmp_path, rpud):
     words = ("--commands", tmp_path / "file.yaml", "--out", tmp_path / "fork")
     code, _, err = rpud("fork", drill_bag, "--at", "0.1", *words)
     assert code == 0
-    assert err.endswith(
-        "rpud fork: refused at 0.11 s: hard_rock cannot be honoured: it needs a rock_model, "
-        "which is none, or strata\n"
-    )
+    assert err.startswith(f"rpud fork: refused at 0.11 s: {tmp_path / 'file.yaml'}:1: hard_rock")

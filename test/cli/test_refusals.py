@@ -110,7 +110,6 @@ TAKEN = "exists already; nothing is overwritten"
         (f"{COMPARE} --quantity peakforce", 2, "peakforce is not a quantity; did you mean peak"),
         (f"{COMPARE} --from 2 --to 1", 2, "end = 1 s is not after begin = 2 s"),
         (f"{COMPARE} --run 1 --run 1 --run 1", 2, "3 choices of a run for 2 bags: give 1 or 2"),
-        (f"{COMPARE} {5 * 'drill '}", 2, "7 bags are outside the range [2, 6]"),
         (f"{COMPARE} --from 50", 1, "the runs have no time in common from 50 s to the end, "),
         ("compare drill talk", 1, "talk holds no topic of a drill"),
         (f"{COMPARE} --out no/x.html", 1, "cannot write no/x.html: there is no folder no"),

@@ -42,6 +42,7 @@ BROKEN = [
     ("a: !!int ''", "is not YAML: "),
     ("a: 2001-13-45", "is not YAML: month must be in 1..12"),
     ("a: " + "[" * 20_000, "is not YAML: maximum recursion depth"),
+    ("a: " + "[" * 60 + "]" * 60, "is not YAML: nested deeper than 50 levels"),
     ("a: &a [1]\nb: [*a, *a]", "is not YAML: aliases are not allowed here"),
     ("/**: {ros__parameters: {a: 1, a: 2}}", "is not YAML: a key stands twice"),
     ("--- 1\n--- 2", "is not YAML: expected a single document"),

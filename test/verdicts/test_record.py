@@ -218,13 +218,6 @@ def test_the_last_run_of_a_bag_counts(faulty_bag, tmp_path):
     assert both.span(topics) == one.span(topics)
 
 
-def test_after_a_clear_the_record_is_empty():
-    record = record_of(force={0: 90.0})
-    record.clear()
-    record.add("reacting_force", 0, {"force": 10.0})
-    assert outcome(always(FORCE < "45 N"), record) == "passed"
-
-
 HEARTBEAT = "std_msgs/Header header\nuint64 beats # [Hz]\nstring state\n"
 HEADER = f"{'=' * 80}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
 TIME = f"{'=' * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"

@@ -226,7 +226,7 @@ def _data_targets(cursor: Cursor) -> list[FitTarget]:
         raise cursor.error("data needs either bag or csv, the path of a file")
     path = entry.bag or entry.csv
     own = tuple(entry.parameters.items())
-    found, runs = read_data(Path(cursor.source.file).parent / path, bool(entry.bag), entry.skip)
+    found, runs = read_data(Path(cursor.file).parent / path, bool(entry.bag), entry.skip)
     return [
         FitTarget(
             measure,

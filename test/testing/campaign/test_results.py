@@ -7,8 +7,7 @@ import pytest
 from campaign_results import FAILURE, OPEN, flown
 
 from rpud_sim.testing.campaign_file import read_campaign
-from rpud_sim.testing.campaign_results import campaign_page, results_from_reports
-from rpud_sim.testing.campaign_runs import SYSTEM
+from rpud_sim.testing.campaign_runs import SYSTEM, campaign_page, results_from_reports
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
