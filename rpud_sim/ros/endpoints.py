@@ -21,8 +21,7 @@ from rclpy.qos import (
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from rpud_sim.ros.sequence_gaps import SequenceGaps
-
+_SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 
 
@@ -120,6 +119,40 @@ def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
 
 def _is_latched(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class SequenceGaps:
+    """Count of messages that never arrived, from the numbers that publishers give to messages.
+
+    Messages do not name their publisher. With one publisher the count is exact. With several, a
+    number that continues no known sequence is a gap in the sequence just below it. If there are
+    more publishers than known sequences, it begins a new sequence instead. ``publisher_count`` is
+    called at gaps only. What a sequence lacks before its first number counts where ``from_first``.
+    """
+
+    def __init__(self, publisher_count: Callable[[], int]) -> None:
+        self.missing = 0  # messages that never arrived
+        self.from_first = False  # whether all publishers of new sequences began with number 1
+        self._publisher_count = publisher_count
+        self._last: list[int] = []  # number of each sequence, the most recent at the end
+
+    def note(self, number: int | None) -> None:
+        """Note the number of a message that came; None where the middleware gives none."""
+        if number is None:
+            return
+        last = self._last
+        if number - 1 in last:
+            last.remove(number - 1)
+        else:
+            below = max((before for before in last if before < number), default=None)
+            if below is None:
+                self.missing += self.from_first * (number - 1)
+            elif len(last) >= self._publisher_count():
+                self.missing += number - below - 1
+                last.remove(below)
+        last.append(number)
+        if len(last) > _SEQUENCES:
+            del last[0]
 
 
 class FollowedTopic:

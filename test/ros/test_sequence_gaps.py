@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.ros.sequence_gaps import SequenceGaps
+from rpud_sim.ros.endpoints import SequenceGaps
 
 
 @given(st.integers(1, 10**12), st.sets(st.integers(1, 200)))

@@ -22,10 +22,9 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
-from rpud_sim.ros.endpoints import FollowedTopic
+from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps
 from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
 from rpud_sim.ros.process import name_error
-from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import TOPICS
 
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted

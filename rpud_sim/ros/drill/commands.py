@@ -23,9 +23,8 @@ from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
-from rpud_sim.ros.endpoints import taken
+from rpud_sim.ros.endpoints import SequenceGaps, taken
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit

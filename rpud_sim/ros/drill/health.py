@@ -13,8 +13,8 @@ from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
-from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
