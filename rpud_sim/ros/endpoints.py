@@ -136,8 +136,8 @@ class SequenceGaps:
         self._publisher_count = publisher_count
         self._last: list[int] = []  # number of each sequence, the most recent at the end
 
-    def note(self, number: int | None) -> None:
-        """Note the number of a message that came; None where the middleware gives none."""
+    def record(self, number: int | None) -> None:
+        """Take the number of a message that came; None where the middleware gives none."""
         if number is None:
             return
         last = self._last

@@ -76,11 +76,11 @@ class HeardTopic(FollowedTopic):
                 self.payloads.append(payload)
                 self.stamps.append(self._stamp(payload, time))
 
-    def note(self, number: int | None) -> None:
+    def record(self, number: int | None) -> None:
         """Note the number of the latest message, by its publisher."""
         self.number = number
         if self._numbered:
-            self.gaps.note(number)
+            self.gaps.record(number)
 
     def messages(self) -> list[Any]:
         for payload in self.payloads[len(self._messages) :]:

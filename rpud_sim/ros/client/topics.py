@@ -79,7 +79,7 @@ class FastTopics:
         kind = _TYPES[topic]
 
         def heard(data: bytes, info: dict[str, Any]) -> None:
-            gaps.note(info["publication_sequence_number"])
+            gaps.record(info["publication_sequence_number"])
             with suppress(BagFormatError):  # of a stranger: not a message of this type
                 stamp, values = decoded(kind, data)
                 sink(stamp, (*values[:2], values[2:]) if is_wave else values)
@@ -149,7 +149,7 @@ class TopicListener(FollowedTopic):
     def _hear(self, message: Any, info: dict[str, Any]) -> None:
         self.received_at = time.monotonic()
         self.messages.append(message)
-        self.gaps.note(info["publication_sequence_number"])
+        self.gaps.record(info["publication_sequence_number"])
 
 
 def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:

@@ -273,7 +273,7 @@ class CommandTopic:
         self._count_discarded()
 
     def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
-        self._gaps.note(information["publication_sequence_number"])
+        self._gaps.record(information["publication_sequence_number"])
         result = result_of(self._name)
         try:
             message = deserialize_message(payload, self._type)

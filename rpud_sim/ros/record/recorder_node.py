@@ -137,7 +137,7 @@ class RecordedTopic(FollowedTopic):
         self.received_at = time.monotonic()
         self._numbered = self._numbered and number is not None
         before = self.gaps.missing
-        self.gaps.note(number)
+        self.gaps.record(number)
         if not counts:
             self.gaps.missing = before
         elif found := self.gaps.missing - before:
