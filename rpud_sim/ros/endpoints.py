@@ -40,10 +40,9 @@ class AcknowledgedPublisher:
 
 
 class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
-    """Publishers by topic; messages in a hurry wait for reliable subscribers.
+    """Publishers by topic; messages in a hurry wait for reliable subscribers, ``longest`` [s].
 
-    The middleware overwrites the oldest message when the depth of a publisher is used up, whether
-    subscribers have it or not. ``longest`` limits the wait for them [s].
+    Beyond its depth a publisher overwrites messages, whether subscribers have them or not.
     """
 
     def __init__(self, longest: float) -> None:
@@ -90,10 +89,7 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
 
 
 def taken(subscription: Subscription, most: int = _MOST_AT_ONCE) -> Iterator[tuple[Any, Any]]:
-    """Yield the messages that have arrived, with their information.
-
-    An executor costs several times as much for each message as the message itself.
-    """
+    """Yield the messages that have arrived, with their information; faster than an executor."""
     handle = subscription.handle
     with handle:
         for _ in range(most):
@@ -104,10 +100,7 @@ def taken(subscription: Subscription, most: int = _MOST_AT_ONCE) -> Iterator[tup
 
 
 def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
-    """Return the strongest request that every offer satisfies, so that all of them connect.
-
-    Without an offer it is reliable and volatile.
-    """
+    """Return the strongest request that every offer satisfies; without one a reliable one."""
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
     latched = bool(offers) and all(map(_is_latched, offers))
     return QoSProfile(
@@ -124,10 +117,9 @@ def _is_latched(profile: QoSProfile) -> bool:
 class SequenceGaps:
     """Count of messages that never arrived, from the numbers that publishers give to messages.
 
-    Messages do not name their publisher. With one publisher the count is exact. With several, a
-    number that continues no known sequence is a gap in the sequence just below it. If there are
-    more publishers than known sequences, it begins a new sequence instead. ``publisher_count`` is
-    called at gaps only. What a sequence lacks before its first number counts where ``from_first``.
+    Messages do not name their publisher. With several, a number that continues no known
+    sequence is a gap in the sequence just below it, or begins a sequence if there are more
+    publishers.
     """
 
     def __init__(self, publisher_count: Callable[[], int]) -> None:
@@ -156,11 +148,7 @@ class SequenceGaps:
 
 
 class FollowedTopic:
-    """Topic of one type, subscribed with the strongest QoS that all of its publishers offer.
-
-    Its messages are serialized. Before the first publisher its subscribers show what that will have
-    to offer. ``request`` is a QoS in place of that.
-    """
+    """Topic of one type, subscribed with the strongest QoS that all of its publishers offer."""
 
     def __init__(
         self, node: Node, name: str, kind: Any, depth: int, request: QoSProfile | None = None
@@ -197,11 +185,7 @@ class FollowedTopic:
         self.subscription = self._subscribe()
 
     def _has_another_offer(self) -> bool:
-        """Look at the publishers; return whether their offers are for another subscription.
-
-        They are if one connects to less than is requested, or if they have become latched before
-        the first message: later their messages would come twice.
-        """
+        """Look at the publishers; return whether their offers are for another subscription."""
         endpoints = self._publishers()
         self.endpoints = endpoints or self.endpoints
         self._offers = [each.qos_profile for each in endpoints]

@@ -21,7 +21,7 @@ from rpud_sim.ros.client.topics import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.endpoints import FollowedTopic, request_for, taken
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.endpoints import SequenceGaps
+from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
@@ -76,7 +76,7 @@ class HeardTopic(FollowedTopic):
                 self.payloads.append(payload)
                 self.stamps.append(self._stamp(payload, time))
 
-    def record(self, number: int | None) -> None:
+    def note(self, number: int | None) -> None:
         """Note the number of the latest message, by its publisher."""
         self.number = number
         if self._numbered:

@@ -52,13 +52,10 @@ Sink = Callable[[int, tuple[Any, ...]], object]
 
 
 class FastTopics:
-    """Subscriptions to fast topics of a drill, and counts of what they lost.
+    """Subscriptions to fast topics of a drill, decoded without rclpy, and counts of losses.
 
-    A message costs its listener a few microseconds: rclpy converts nothing. ``sinks`` has, by
-    topic, a function of the stamp [ns] and the values: those of ``FIELDS`` in this order, and for
-    ``waveform`` its sequence, its sample_period and a tuple of six NumPy arrays.
-
-    A message of another length or encapsulation is ignored: a stranger may publish there too.
+    ``sinks`` has, by topic, a function of the stamp [ns] and the values of ``FIELDS``; for
+    ``waveform`` of its sequence, its sample_period and a tuple of six NumPy arrays.
     """
 
     def __init__(self, listening: ListeningNode, sinks: Mapping[str, Sink]) -> None:
@@ -101,12 +98,10 @@ def _codec(kind: Any) -> Codec:
 
 
 class TopicListener(FollowedTopic):
-    """Subscription to a topic, and its messages in the order in which they came.
+    """Subscription to a topic of any type, and its messages in the order of their arrival.
 
-    The name is absolute or relative to the node's namespace; without a class of messages it waits
-    ``patience`` for the topic [s], that of the listening node if None. A topic that is missing is a
-    NoAnswerError, one that has several types or one that is not installed a ClientError. ``qos`` is
-    what the publishers offer if None.
+    Without a class of messages it waits ``patience`` for the topic [s]: a missing one is a
+    NoAnswerError, one with several or unknown types a ClientError.
     """
 
     def __init__(
@@ -201,10 +196,7 @@ def to_plain(value: Any, cut: int | None = None) -> Any:
 
 
 def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
-    """Return what gets a field of a message of this class, or None if an array is too short.
-
-    The text is a path such as ``header.stamp.sec`` or ``faults[0].kind``.
-    """
+    """Return the getter of a path such as ``faults[0].kind``; it gives None beyond an array."""
     steps: list[str | int] = []
     described = kind.__name__
     for part in text.split("."):

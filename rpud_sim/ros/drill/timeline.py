@@ -37,10 +37,9 @@ class Reached(NamedTuple):
 
 
 class TimeSource:
-    """Clock that gives simulation time zero its stamp, and what comes after it a schedule.
+    """Clock of the drill: this machine's, another's ``/clock``, or its own if it ``publishes``.
 
-    The node's clock follows ``/clock`` with its parameter ``use_sim_time``. With ``publishes`` the
-    node itself is the source of ``/clock``. ``notify`` is called when another's ``/clock`` moves.
+    ``notify`` is called when another's ``/clock`` moves.
     """
 
     def __init__(
@@ -73,10 +72,7 @@ class TimeSource:
                 serve()
 
     def origin(self, time: int = 0, own: int = 0) -> int:
-        """Return the stamp of simulation time zero if a simulation time is now [ns].
-
-        It is ``own`` where the node is the source.
-        """
+        """Return the stamp of time zero for a time now [ns]; ``own`` of a source of the clock."""
         self.went_back = False
         return own if self._publishes else self._now() - time
 
@@ -96,10 +92,8 @@ class TimeSource:
 class Pacer:
     """Deadlines of simulation times, on an absolute schedule of blocks at a whole rate [Hz].
 
-    From a start on, simulation time t is due t / factor after it, whatever happened before, so that
-    it never drifts; 0 is as fast as possible. A block that is late is made up for by the ones after
-    it, without a pause. Another ``schedule`` [ns] than the monotonic ``clock`` [ns] goes in steps:
-    a block is due at the step that brings its end.
+    Simulation time t is due t / factor after the start, so that it never drifts; 0 is as fast as
+    possible. Another ``schedule`` [ns] than the monotonic ``clock`` [ns] goes in steps.
     """
 
     def __init__(
@@ -156,20 +150,12 @@ class Pacer:
         return (self._due(time) - self._begun) / SECOND
 
     def idle(self, time: int) -> float:
-        """Time until the block that ends at a simulation time [ns] is to be computed [s].
-
-        That is 10 ms before its deadline or a whole block, whichever is less. With another schedule
-        it is at the deadline: that time may stand still just then, and requests would wait with it.
-        """
+        """Time until the block that ends at a simulation time [ns] is to be computed [s]."""
         lead = min(LEAD, 1.0 / (self._rate * self._factor)) if self.ahead else 0.0
         return self.remaining(time) - lead
 
     def wait(self, time: int) -> None:
-        """Sleep until the deadline of a block that was computed ahead of it.
-
-        Without effect with another schedule: its blocks are computed at their deadlines, and it may
-        have gone back meanwhile.
-        """
+        """Sleep until the deadline of a block that was computed ahead of it."""
         if self.ahead and (early := self.remaining(time)) > 0.0:
             self._sleep(early)
 
@@ -192,11 +178,7 @@ class Pacer:
             self._missed += 1
 
     def read(self) -> Fields:
-        """Return the timing so far by name [s], and begin an interval for its rate and maximum.
-
-        ``lag`` is how far simulation time is behind its schedule, in whole periods. Quantiles of
-        the lateness, from deadline to end of a block, are of all blocks since the start.
-        """
+        """Return the timing so far by name [s], and begin an interval for its rate and maximum."""
         now = self._clock()
         elapsed = now - self._read_at
         behind = 0.0
@@ -224,10 +206,7 @@ class Pacer:
 
 
 class Timeline:
-    """Play, pause and steps of simulation time, and the schedule of its blocks.
-
-    Time stands still at first. ``changed`` is called when it plays or pauses.
-    """
+    """Play, pause and steps of simulation time, and its schedule; it stands still at first."""
 
     def __init__(
         self,
@@ -296,10 +275,7 @@ class Timeline:
         self._step.set_result(reached)
 
     def pace(self, time: int, stamp: int, factor: float) -> bool:
-        """Begin a schedule at a simulation time, or hold it; return whether it is punctual.
-
-        The factor is without effect where the schedule is that of another's ``/clock``.
-        """
+        """Begin a schedule at a simulation time, or hold it; return whether it is punctual."""
         factor = 1.0 if self.source.follows else factor
         if self.playing:
             self.pacer.start(time, factor, stamp if self.source.follows else None)

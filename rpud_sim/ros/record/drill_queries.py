@@ -28,12 +28,9 @@ Steps = Generator[None, None, None]
 
 
 class ParameterQuery:
-    """Finds the drills of recorded topics, and records the manifest of each.
+    """Finds the drills of recorded topics by their status, and records the manifest of each.
 
-    A drill is a node that publishes a Status; a restarted one is queried again. The text of its
-    scenario stays unknown: no file is read, as anybody could name any, and its journal has the
-    faults. The node needs no executor: ``poll`` reads the answers that have come. ``command`` is
-    the command line of the recorder.
+    The text of a scenario stays unknown: no file is read, as anybody could name any.
     """
 
     def __init__(self, node: Recorder, command: Sequence[str]) -> None:
@@ -106,8 +103,7 @@ class ParameterQuery:
 class JournalQuery:
     """Asks drills for the entries of their journals that the bag lacks, and records them.
 
-    They are missing if the recorder starts late, has stood still or was paused. Their publishing
-    times are those of the drill. The node needs no executor: ``poll`` reads the answers.
+    They are missing if the recorder starts late, has stood still or was paused.
     """
 
     def __init__(self, node: Recorder) -> None:

@@ -159,8 +159,7 @@ class RecordedTopic(FollowedTopic):
 def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
     """Return whether these cannot be a message and its times [ns since the epoch].
 
-    The middleware delivers such messages from shared memory that a killed process has left behind.
-    A publisher's clock may be off, or missing: its time need only fit into a bag.
+    Shared memory that a killed process has left behind gives such messages.
     """
     received_about_now = abs(log_time - time.time_ns()) <= _AWAY
     return len(data) < _ENCAPSULATION or not (received_about_now and 0 <= publish_time <= _LATEST)
@@ -178,11 +177,7 @@ def recorded_profile(profile: QoSProfile) -> RecordedProfile:
 
 
 class Recorder(Node):
-    """Receives serialized messages of topics for an intake. It spins in no executor.
-
-    It subscribes to the topics that the options select as they appear, with the QoS that their
-    publishers offer. A namespace or a topic without a valid name is a NameValidationException.
-    """
+    """Receives serialized messages of the topics that the options select, for an intake."""
 
     def __init__(self, intake: Intake, options: RecordOptions) -> None:
         # rclpy itself would log a warning, and would not name an invalid topic.
@@ -263,10 +258,7 @@ class Recorder(Node):
         return self.wants(name) or name.startswith(self._prefix)
 
     def discover(self) -> bool:
-        """Subscribe to wanted topics that have appeared; return whether there were any.
-
-        Topics whose publishers have changed are subscribed again where necessary.
-        """
+        """Subscribe to wanted topics that have appeared or changed; return whether some are new."""
         known = len(self.topics) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
             if self.wants(name) and name not in self.skipped:
@@ -285,11 +277,7 @@ class Recorder(Node):
         return len(self.topics) + len(self.skipped) > known
 
     def receive(self) -> float:
-        """Hand arrived messages to the intake.
-
-        Return the time of reception [ns since the epoch] up to which none is left, infinite if none
-        is left at all.
-        """
+        """Hand messages to the intake; return the time up to which it has all [ns], or inf."""
         now = time.monotonic()
         if now - self._received_at >= _STANDSTILL:
             self._stood_still = now
@@ -312,10 +300,7 @@ class Recorder(Node):
             pass
 
     def end(self) -> None:
-        """End the recording now: what is published and received later is not taken.
-
-        All topics end together: a status that counts an entry of the journal comes after it.
-        """
+        """End the recording of all topics now: what comes later is not taken."""
         self._end = time.time_ns()
 
     def finish(self) -> None:
@@ -379,10 +364,7 @@ class Recorder(Node):
         self.get_logger().warning(f"subscribed {topic.name} again, as {reason}")
 
     def _receive(self, topic: RecordedTopic) -> float:
-        """Take some messages of a topic; return the time of the last one, infinite if none is left.
-
-        Times are those of reception [ns since the epoch].
-        """
+        """Take some messages; return the time of reception of the last, inf if none is left."""
         room, received = _BATCH_SIZE, inf
         for data, info in taken(topic.subscription, room):
             room -= 1
