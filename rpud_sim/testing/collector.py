@@ -19,9 +19,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topics import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
-from rpud_sim.ros.endpoints import FollowedTopic, request_for, taken
+from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps, request_for, taken
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
