@@ -5,19 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Generator, Mapping, Sequence
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
 from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message, serialize_message
-from rpud_msgs.msg import JournalEntry
-from rpud_msgs.srv import GetJournal
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import node_name
 from rpud_sim.ros.record.recorder_node import Recorder
+
+if TYPE_CHECKING:
+    from rpud_msgs.msg import JournalEntry
 
 _STATUS = "rpud_msgs/msg/Status"
 _JOURNAL = "rpud_msgs/msg/JournalEntry"
@@ -139,7 +140,7 @@ class JournalQuery:
         if topic is None or topic.type != _JOURNAL:
             return
         with self._node.guard(f"an entry of {message.topic}"):
-            entry = deserialize_message(message.data, JournalEntry)
+            entry = deserialize_message(message.data, topic.kind)
             before, published = self._latest.get(message.topic, (None, 0))
             if before is not None and entry.sequence <= before.sequence:
                 if message.publish_time <= published:
@@ -151,6 +152,8 @@ class JournalQuery:
 
     def _ask(self, topic: str, before: JournalEntry | None, after: JournalEntry) -> Steps:
         """Ask the drills of a topic for what is missing between two entries, until one has it."""
+        from rpud_msgs.srv import GetJournal  # others are recorded without it
+
         node = self._node
         clients: dict[str, Client] = {}
         others = set[str]()  # drills with another journal
@@ -176,8 +179,8 @@ class JournalQuery:
         """Record what is missing between two entries; return False if it is another journal."""
 
         def page(first: int) -> Generator[None, None, list[tuple[JournalEntry, int]]]:
-            request = GetJournal.Request(first=first)
-            response = yield from _response(self._node, client, GetJournal, request)
+            kind: Any = client.srv_type
+            response = yield from _response(self._node, client, kind, kind.Request(first=first))
             return list(zip(response.entries, response.publish_times, strict=True))
 
         first, end = 0, int(after.sequence)

@@ -18,8 +18,12 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
-from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
+
+try:
+    from rpud_msgs.srv import IsPaused
+except ImportError:  # other messages are recorded without ours
+    IsPaused = None
 
 from rpud_sim.bag import BagError, BagWriter, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
@@ -200,11 +204,9 @@ class Recorder(Node):
         self._received_at, self._stood_still = inf, inf
         # ``serve`` takes the requests, so nothing ever calls the callback.
         self._servers: dict[str, Any] = {
-            name: self.create_service(
-                IsPaused if name == "is_paused" else Trigger,
-                *(f"~/{name}", lambda _, response: response),
-            )
+            name: self.create_service(kind, f"~/{name}", lambda _, response: response)
             for name in _ACTIONS
+            if (kind := IsPaused if name == "is_paused" else Trigger) is not None
         }
 
     @property
