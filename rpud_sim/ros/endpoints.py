@@ -21,8 +21,7 @@ from rclpy.qos import (
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from rpud_sim.ros.sequence_gaps import SequenceGaps
-
+_SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 
 
@@ -41,10 +40,9 @@ class AcknowledgedPublisher:
 
 
 class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
-    """Publishers by topic; messages in a hurry wait for reliable subscribers.
+    """Publishers by topic; messages in a hurry wait for reliable subscribers, ``longest`` [s].
 
-    The middleware overwrites the oldest message when the depth of a publisher is used up, whether
-    subscribers have it or not. ``longest`` limits the wait for them [s].
+    Beyond its depth a publisher overwrites messages, whether subscribers have them or not.
     """
 
     def __init__(self, longest: float) -> None:
@@ -91,10 +89,7 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
 
 
 def taken(subscription: Subscription, most: int = _MOST_AT_ONCE) -> Iterator[tuple[Any, Any]]:
-    """Yield the messages that have arrived, with their information.
-
-    An executor costs several times as much for each message as the message itself.
-    """
+    """Yield the messages that have arrived, with their information; faster than an executor."""
     handle = subscription.handle
     with handle:
         for _ in range(most):
@@ -105,10 +100,7 @@ def taken(subscription: Subscription, most: int = _MOST_AT_ONCE) -> Iterator[tup
 
 
 def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
-    """Return the strongest request that every offer satisfies, so that all of them connect.
-
-    Without an offer it is reliable and volatile.
-    """
+    """Return the strongest request that every offer satisfies; without one a reliable one."""
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
     latched = bool(offers) and all(map(_is_latched, offers))
     return QoSProfile(
@@ -122,12 +114,41 @@ def _is_latched(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class FollowedTopic:
-    """Topic of one type, subscribed with the strongest QoS that all of its publishers offer.
+class SequenceGaps:
+    """Count of messages that never arrived, from the numbers that publishers give to messages.
 
-    Its messages are serialized. Before the first publisher its subscribers show what that will have
-    to offer. ``request`` is a QoS in place of that.
+    Messages do not name their publisher. With several, a number that continues no known
+    sequence is a gap in the sequence just below it, or begins a sequence if there are more
+    publishers.
     """
+
+    def __init__(self, publisher_count: Callable[[], int]) -> None:
+        self.missing = 0  # messages that never arrived
+        self.from_first = False  # whether all publishers of new sequences began with number 1
+        self._publisher_count = publisher_count
+        self._last: list[int] = []  # number of each sequence, the most recent at the end
+
+    def record(self, number: int | None) -> None:
+        """Take the number of a message that came; None where the middleware gives none."""
+        if number is None:
+            return
+        last = self._last
+        if number - 1 in last:
+            last.remove(number - 1)
+        else:
+            below = max((before for before in last if before < number), default=None)
+            if below is None:
+                self.missing += self.from_first * (number - 1)
+            elif len(last) >= self._publisher_count():
+                self.missing += number - below - 1
+                last.remove(below)
+        last.append(number)
+        if len(last) > _SEQUENCES:
+            del last[0]
+
+
+class FollowedTopic:
+    """Topic of one type, subscribed with the strongest QoS that all of its publishers offer."""
 
     def __init__(
         self, node: Node, name: str, kind: Any, depth: int, request: QoSProfile | None = None
@@ -164,11 +185,7 @@ class FollowedTopic:
         self.subscription = self._subscribe()
 
     def _has_another_offer(self) -> bool:
-        """Look at the publishers; return whether their offers are for another subscription.
-
-        They are if one connects to less than is requested, or if they have become latched before
-        the first message: later their messages would come twice.
-        """
+        """Look at the publishers; return whether their offers are for another subscription."""
         endpoints = self._publishers()
         self.endpoints = endpoints or self.endpoints
         self._offers = [each.qos_profile for each in endpoints]

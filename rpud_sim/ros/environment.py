@@ -15,11 +15,7 @@ PROFILE = Path("config", "fastdds_loopback.xml")
 
 
 def complete_environment(environment: MutableMapping[str, str], prefix: str = sys.prefix) -> None:
-    """Set what is not set, as ``env.bash`` does it, so that ROS uses the loopback interface alone.
-
-    ROS reads these variables when it starts. An installed ROS has set-up files of its own, and its
-    environment is left as it is.
-    """
+    """Set what is not set, as ``env.bash`` does, so that the wheels of ROS use loopback alone."""
     if _WHEELS not in environment:  # Python sets it at its start where ROS's wheels are
         return
     environment.setdefault("AMENT_PREFIX_PATH", prefix)
@@ -28,12 +24,7 @@ def complete_environment(environment: MutableMapping[str, str], prefix: str = sy
 
 
 def loopback_variables(environment: Mapping[str, str], profile: Path | None) -> dict[str, str]:
-    """Return the variables that keep ROS on loopback.
-
-    Fast DDS gets a profile without other network interfaces, unless the environment has a profile
-    of its own; every other middleware gets the discovery range LOCALHOST. ``profile`` is one that
-    is installed.
-    """
+    """Return the variables that keep ROS on loopback; ``profile`` of Fast DDS is installed."""
     fast_dds = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
     given = Path(environment.get(_PROFILES, profile or ""))
     if fast_dds and given.name == PROFILE.name and given.is_file():

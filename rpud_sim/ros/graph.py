@@ -47,10 +47,7 @@ def message_class(type_name: str) -> Any:
 
 
 def members_of(message: Any) -> Members:
-    """Return the members of a message class, as an encoder needs them: without rosbags.
-
-    A type with others than numbers, texts, messages and their sequences is an UnknownTypeError.
-    """
+    """Return the members of a message class for an encoder, or raise an UnknownTypeError."""
     members = message.get_fields_and_field_types().items()
     return Members(tuple((name, _member(described)) for name, described in members))
 
@@ -94,10 +91,7 @@ def node_name(endpoint: TopicEndpointInfo) -> str:
 
 
 class RepeatedRequest:
-    """Request that is sent again and again, as the other node may drop its response.
-
-    ``period`` is between two requests [s]; infinite for one that must act only once.
-    """
+    """Request that is sent again after each period [s], as its response may be dropped."""
 
     def __init__(self, client: Client, request: Any, period: float) -> None:
         self._client = client
@@ -125,9 +119,7 @@ class RepeatedRequest:
 class DiscoveryProbe:
     """Request to a node, by a client that is made after the subscriptions.
 
-    Discovery announces the readers of a process in the order in which they were made. So a node
-    whose response has come knows all readers from before: it will not publish past them. ``name``
-    is the full name of the other node; the executor of ``node`` takes the responses.
+    Discovery announces the readers of a process in order: a node that has answered knows them all.
     """
 
     def __init__(self, node: Node, name: str) -> None:

@@ -34,12 +34,7 @@ def start_ros(
     context: rclpy.Context | None = None,
     domain_id: int | None = None,
 ) -> None:
-    """Initialize rclpy without signal handlers of its own: `StopRequest` has them.
-
-    It completes the environment of the process first.
-    It raises a StartError where rcl cannot start with the arguments, or DDS-Security is requested
-    and Fast DDS lacks it.
-    """
+    """Initialize rclpy, without signal handlers of its own, or raise a StartError."""
     complete_environment(os.environ)
     # Without a keystore, rcl would start all the same, and everything would be sent in the clear.
     if os.environ.get("ROS_SECURITY_ENABLE") == "true" and not _has_security():
@@ -65,10 +60,7 @@ def start_ros(
 
 @contextmanager
 def running_ros(arguments: Sequence[str] = ()) -> Iterator[None]:
-    """Start ROS, and shut it down at the end of the context.
-
-    A name that ROS does not allow, and a parameter of rclpy with another type, are StartErrors.
-    """
+    """Start ROS, and shut it down at the end; wrong names and parameters are StartErrors."""
     try:
         start_ros(arguments)
         yield
@@ -98,11 +90,9 @@ def _has_security() -> bool:
 class StopRequest:
     """Request to stop the program; while it is entered, SIGINT, SIGTERM and SIGHUP make it.
 
-    A SIGHUP that is ignored, as under ``nohup``, stays so.
-
-    rclpy's own handlers would end the context at once, and messages that have arrived would be
-    lost. A pipe carries the request: a signal handler cannot acquire a lock that the interrupted
-    main thread may hold. With ``with_parent`` the end of the parent process requests a stop, too.
+    rclpy's own handlers would end the context while messages are still to be taken. A pipe
+    carries the request, for a signal handler must not lock. ``with_parent`` also stops with the
+    parent process.
     """
 
     def __init__(self, with_parent: bool = False) -> None:
@@ -154,9 +144,7 @@ class StopRequest:
 def limit_end() -> None:
     """End the process in 20 s at the latest, with the stacks of its threads and exit code 1.
 
-    A process that is killed may hold a lock of the middleware in shared memory: whoever sends to it
-    waits for ever, and whoever waits for that thread. A thread that hangs with Python's lock keeps
-    the main thread from coming here: SIGKILL alone ends such a process.
+    A killed process may hold a lock of the middleware in shared memory.
     """
     faulthandler.dump_traceback_later(LONGEST_END, exit=True)
 

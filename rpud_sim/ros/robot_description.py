@@ -11,11 +11,7 @@ _ROTATION = ("rpud_rotation", "rpud_bit")
 
 
 def robot_description(folder: Path, feed: bool = False, rotation: bool = False) -> str:
-    """Return the URDF of the drill: ``rpud.urdf`` with joints of ``rpud_feed.urdf``.
-
-    The drill publishes a joint only while its model is on, and frames beyond another joint have no
-    transform. With ``feed`` the root is the parent of its joint.
-    """
+    """Return the URDF of the drill with the joints of the models that are on."""
     text = (folder / "rpud.urdf").read_text(encoding="utf-8")
     if not (feed or rotation):
         return text

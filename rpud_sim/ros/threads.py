@@ -42,11 +42,7 @@ class Requests:
         self._server: threading.Thread | None = None
 
     def do(self, action: Callable[[], Any]) -> Any:
-        """Have an action done; return what it returns, raise what it raises.
-
-        If it returns a Future, wait for that, and return its result. The serving thread itself does
-        an action at once. If it serves no more, this raises a StoppedError.
-        """
+        """Have an action done; return its result, or that of a Future; raise what it raises."""
         if threading.current_thread() is self._server:
             return action()
         result: Any = Future()
@@ -79,11 +75,7 @@ class Requests:
 
 
 def schedule_thread(priority: int) -> str:
-    """Schedule the calling thread with a priority; return how it is scheduled now.
-
-    What it starts does not inherit that. If the system denies it, the thread stays as it is. The
-    priority is of SCHED_FIFO, from 1 to 99; 0 for time-sharing.
-    """
+    """Schedule this thread by SCHED_FIFO, or time-sharing for 0; return how it is scheduled."""
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
     try:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
@@ -94,10 +86,7 @@ def schedule_thread(priority: int) -> str:
 
 @contextmanager
 def quick_switches() -> Iterator[None]:
-    """Let a thread that publishes go on soon while an executor is busy in another one.
-
-    A thread lets go of Python's lock at every message that it publishes, and waits for it again.
-    """
+    """Let a thread that publishes go on soon while an executor is busy in another one."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
@@ -120,10 +109,8 @@ def settled_memory() -> Iterator[None]:
 def serve(executor: Executor, failed: Callable[[str], None]) -> None:
     """Execute the next callback of an executor's nodes, or return after 0.1 s without any.
 
-    rclpy itself raises errors at some messages, such as a ``/clock`` before time zero: without
-    this, a stranger's message would end the program. ``failed`` is called with one line if the
-    callback raised an error. It is none that a transition destroyed a publisher or subscription
-    while the executor was about to use it.
+    rclpy raises errors at some messages of other processes, which must not end the program:
+    ``failed`` is called with one line.
     """
     try:
         executor.spin_once(timeout_sec=_LONGEST_WAIT)

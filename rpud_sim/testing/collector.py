@@ -19,9 +19,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topics import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
-from rpud_sim.ros.endpoints import FollowedTopic, request_for, taken
+from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps, request_for, taken
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
@@ -80,7 +79,7 @@ class HeardTopic(FollowedTopic):
         """Note the number of the latest message, by its publisher."""
         self.number = number
         if self._numbered:
-            self.gaps.note(number)
+            self.gaps.record(number)
 
     def messages(self) -> list[Any]:
         for payload in self.payloads[len(self._messages) :]:

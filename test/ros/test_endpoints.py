@@ -17,7 +17,7 @@ from rclpy.qos import (
 from rpud_sim.bag.metadata import INFINITE
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.endpoints import AcknowledgedPublishers, is_satisfied, request_for
-from rpud_sim.ros.record.recorded_topic import recorded_profile
+from rpud_sim.ros.record.recorder_node import recorded_profile
 from rpud_sim.ros.replay.replayer import replay_offer
 
 

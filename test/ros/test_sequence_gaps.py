@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.ros.sequence_gaps import SequenceGaps
+from rpud_sim.ros.endpoints import SequenceGaps
 
 
 @given(st.integers(1, 10**12), st.sets(st.integers(1, 200)))
@@ -11,7 +11,7 @@ def test_gaps_of_one_publisher_are_counted_exactly(first, lost):
     gaps = SequenceGaps(lambda: 1)
     arrived = [number for number in range(202) if number not in lost]
     for number in arrived:
-        gaps.note(first + number)
+        gaps.record(first + number)
     assert gaps.missing == len(lost)
 
 
@@ -23,7 +23,7 @@ def test_several_publishers_that_lose_nothing_have_no_gaps(order, firsts):
     following = [first + place * 10**7 for place, first in enumerate(firsts)]
     gaps = SequenceGaps(lambda: 3)
     for publisher in order:
-        gaps.note(following[publisher])
+        gaps.record(following[publisher])
         following[publisher] += 1
     assert gaps.missing == 0
 
@@ -31,7 +31,7 @@ def test_several_publishers_that_lose_nothing_have_no_gaps(order, firsts):
 def test_gaps_of_several_publishers_are_counted():
     gaps = SequenceGaps(lambda: 2)
     for number in (100, 5, 101, 6, 8, 104, 9, 105):
-        gaps.note(number)
+        gaps.record(number)
     assert gaps.missing == 1 + 2
 
 
@@ -39,7 +39,7 @@ def test_thousands_of_short_publishers_leave_no_gap_and_no_trace():
     gaps = SequenceGaps(lambda: 2)
     for steady in range(5000, 10_000):
         for number in (steady, 1, 2, 3):
-            gaps.note(number)
+            gaps.record(number)
     assert gaps.missing == 0
 
 
@@ -48,5 +48,5 @@ def test_what_new_publishers_sent_before_they_were_heard_is_missing(firsts):
     gaps = SequenceGaps(lambda: 1)
     gaps.from_first = True
     for first in sorted({2 * first for first in firsts}, reverse=True):  # none continues another
-        gaps.note(first)
+        gaps.record(first)
     assert gaps.missing == sum(2 * first - 1 for first in set(firsts))

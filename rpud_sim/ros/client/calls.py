@@ -35,11 +35,7 @@ _COMMAND_DEPTH = 100
 
 
 class ServiceCaller:
-    """Clients of the drill's services.
-
-    ``alive`` gives a number that grows while the drill lives: the patience begins again then, as
-    some requests take long.
-    """
+    """Clients of the drill's services; patience begins again when the number of ``alive`` grows."""
 
     def __init__(self, listening: ListeningNode, alive: Callable[[], int]) -> None:
         self._listening = listening
@@ -55,11 +51,7 @@ class ServiceCaller:
             self.introduce()
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
-        """Call a service and return its response, or raise the drill's reason not to do it.
-
-        With ``repeat`` it is sent again and again, since a server drops a response for a client
-        that it has not discovered yet; not if it must act only once.
-        """
+        """Call a service, again and again with ``repeat``; a refusal is a RefusedError."""
         response = self._answer(self._clients[name], request, repeat)
         result = getattr(response, "result", response)
         if isinstance(result, msg.Result):
@@ -75,8 +67,7 @@ class ServiceCaller:
     def introduce(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
-        Discovery reports them in the order in which they were made: an answer to the last one
-        shows that the drill knows all. Otherwise it could drop a response or the first messages.
+        Discovery reports them in the order in which they were made: it answers the last one.
         """
         node, kind = self._listening.node, srv.GetSimulationState
         last = node.create_client(kind, "simulation/get_state")
@@ -100,10 +91,7 @@ class ServiceCaller:
 
 
 class CommandSender:
-    """Publishers of commands; it knows its own results by the headers, which the drill returns.
-
-    ``status_number`` gives the number of the latest status.
-    """
+    """Publishers of commands; the drill returns their headers with the results."""
 
     def __init__(
         self,
@@ -142,11 +130,7 @@ class CommandSender:
             raise RefusedError(result.reason)
 
     def _publisher(self, kind: Any, name: str) -> Publisher:
-        """Return a publisher of a command, which the drill hears.
-
-        It is made for the first command: the drill warns of several publishers, and a client that
-        only watches must not be one of them.
-        """
+        """Return a publisher of a command that the drill has discovered, made for the first one."""
         topic = f"command/{name}"
         publisher = self._node.create_publisher(kind, topic, _COMMAND_DEPTH)
         self._services.introduce()

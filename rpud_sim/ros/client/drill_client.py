@@ -55,10 +55,9 @@ _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
 
 
 class DrillClient(ListeningNode):
-    """Commands and hears one running drill.
+    """Client that commands one running drill, and has its messages.
 
-    A command returns when the drill has accepted it, so that a step which follows cannot overtake
-    it. It raises a ``RefusedError`` with the drill's own reason if the drill refuses it::
+    ::
 
         with DrillClient() as drill:
             drill.pause()
@@ -66,10 +65,9 @@ class DrillClient(ListeningNode):
             drill.step(0.5)
             print(drill.status.impacts)
 
-    The client has one ``node``, also for publishers and services of your own, in a context of its
-    own, and no thread: it takes messages while one of its methods waits. Use it from one thread. A
-    drill that does not answer raises a ``NoAnswerError`` after the patience, a missing one a
-    ``NoDrillError``. ``patience`` is in s.
+    A command returns when the drill has accepted it; a refusal is a ``RefusedError`` with the
+    drill's reason. Messages are taken while a method waits: use it from one thread.
+    ``patience`` is in s.
     """
 
     def __init__(
@@ -127,21 +125,13 @@ class DrillClient(ListeningNode):
         return join_seconds(stamp.sec, stamp.nanosec) / SECOND
 
     def delivery(self, nodes: Sequence[str] = ()) -> srv.GetDelivery.Response:
-        """Return what the drill has published, and who has discovered it.
-
-        It asks these nodes, by full names, whether they know the drill: ask again until all have
-        answered.
-        """
+        """Return what the drill has published, who has discovered it, and which nodes answered."""
         return self._ask("simulation/get_delivery", srv.GetDelivery.Request(nodes=nodes), True)
 
     # Waiting and listening.
 
     def found(self, patience: float | None = None) -> None:
-        """Wait until the drill is found and has published its status.
-
-        Every other method does this first. ``patience`` is in s; None for that of the client. A
-        drill that has never run on a machine may compile for a minute.
-        """
+        """Wait until the drill is found and has published its status; ``patience`` is in s."""
         if self._found:
             return
         patience = self.patience if patience is None else float(patience)
@@ -167,10 +157,9 @@ class DrillClient(ListeningNode):
         patience: float | None = None,
         what: str = "the condition did not hold",
     ) -> Value:
-        """Take messages until a condition holds, and return its value.
+        """Take messages until a condition holds, and return its value; ``patience`` is in s.
 
-        It is looked at after each message. ``patience`` is real time [s]; None for that of the
-        client. ``what`` is a sentence for the error, without the limit.
+        ``what`` is a sentence for the error, without the limit.
         """
         self.found()
         return self.wait_until(condition, what, patience)
@@ -184,9 +173,7 @@ class DrillClient(ListeningNode):
     ) -> list[Any]:
         """Subscribe to a topic of any node, and return the list that its messages are added to.
 
-        A relative name is one of the drill's namespace. ``kind`` is the class of the messages; None
-        for that with which it is published. ``qos`` is what the publishers offer if it is None.
-        ``patience`` limits the wait for the topic [s]; None for that of the client.
+        Without ``kind`` and ``qos`` they are those of the publishers. ``patience`` is in s.
         """
         self.found()
         listener = TopicListener(self, topic, kind, qos, patience)
@@ -194,19 +181,11 @@ class DrillClient(ListeningNode):
         return listener.messages
 
     def observe(self, observer: Callable[[str, Any], object]) -> None:
-        """Call a function with the name and each message of some topics.
-
-        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
-        what came before is not repeated. Observe before the client has waited.
-        """
+        """Call a function with topic and message of status, faults, journal and command_results."""
         self._observer = observer
 
     def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
-        """Subscribe to fast topics, whose messages are decoded in a few microseconds.
-
-        ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``FastTopics`` has
-        them.
-        """
+        """Subscribe to fast topics: see ``FastTopics``."""
         return FastTopics(self, sinks)
 
     # Commands: each returns when the drill has accepted it.
@@ -229,11 +208,7 @@ class DrillClient(ListeningNode):
         self._command("drive", message)
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
-        """Command the feed of a drill on an arm: its rate or its position, and not both.
-
-        The rate is toward the rock [m/s], where zero holds the mount; the position is along the
-        drill axis [m].
-        """
+        """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
@@ -273,9 +248,7 @@ class DrillClient(ListeningNode):
     ) -> int:
         """Inject a fault, such as ``free_mass_jammed``, and return its number.
 
-        ``channel`` is the relative name of the topic with the faulty signal; empty for the physics.
-        The magnitude is in the unit of the kind; None for its default. After a duration in
-        simulation time [s] it ends by itself; None for never.
+        ``channel`` is the topic of a signal fault. The duration is simulation time [s].
         """
         fault = Fault(
             kind=_FAULT_KIND.check("kind", kind),
@@ -328,8 +301,7 @@ class DrillClient(ListeningNode):
     def step(self, seconds: float) -> float:
         """Advance a paused drill, and return the stamp that it reached [s].
 
-        Its status and all messages of that time that have arrived are taken before this returns.
-        ``published`` has then the messages that the drill has published on each topic.
+        Its messages up to then have been taken where they have arrived; ``published`` counts them.
         """
         request = srv.StepSimulation.Request(duration=to_time(Duration, "step", seconds))
         return self._advance("simulation/step", request)
@@ -340,11 +312,9 @@ class DrillClient(ListeningNode):
         return self._advance("simulation/run_to", request)
 
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
-        """Begin again; the drill plays on if it played.
+        """Begin again: ``all``, ``time``, ``state`` or ``faults``, or bits of the service.
 
-        ``scope`` is ``all``, ``time``, ``state``, ``faults``, or the bits of
-        ``rpud_msgs/ResetSimulation``. ``seed`` is of the vibration's phase, the scenario and the
-        noise from here on; None for the present one.
+        ``seed`` is of phase, scenario and noise from here on; None for the present one.
         """
         if isinstance(scope, str) and scope not in SCOPES:
             raise ParameterError(

@@ -37,10 +37,7 @@ class ClientError(ExpectedError, RuntimeError):
 
 
 class RefusedError(ClientError):
-    """Command or request that the drill refused; the text is the drill's own reason.
-
-    ``result`` is the number of ``rpud_msgs/Result``; None where there is none.
-    """
+    """Refusal of the drill, with its reason; ``result`` is a number of ``rpud_msgs/Result``."""
 
     def __init__(self, reason: str, result: int | None = None) -> None:
         super().__init__(reason)
@@ -56,10 +53,7 @@ class NoAnswerError(ClientError, TimeoutError):
 
 
 class ListeningNode:
-    """Node that takes messages while its owner waits, in the thread that waits.
-
-    ``patience`` limits each wait without a limit of its own [s].
-    """
+    """Node that takes messages while its owner waits, for ``patience`` at most [s]."""
 
     def __init__(
         self,
@@ -99,10 +93,7 @@ class ListeningNode:
         return int(self._context.get_domain_id())
 
     def check_while_waiting(self, check: Callable[[], object]) -> None:
-        """Call this while a method waits; an error that it raises ends the wait.
-
-        A test that has started the drill knows at once that the drill has died.
-        """
+        """Call this while a method waits; an error that it raises ends the wait."""
         self._check = check
 
     def close(self) -> None:
@@ -151,10 +142,9 @@ class ListeningNode:
         patience: float | None = None,
         alive: Callable[[], int] = lambda: 0,
     ) -> Value:
-        """Take messages until a condition holds, and return its value.
+        """Take messages until a condition holds, and return its value, or raise a NoAnswerError.
 
-        ``what`` is the error's sentence, without the limit. The patience begins again whenever the
-        number of ``alive`` is another one.
+        The patience begins again whenever the number of ``alive`` is another one.
         """
         patience = self.patience if patience is None else float(patience)
         deadline, number = time.monotonic() + patience, alive()
@@ -189,10 +179,7 @@ def drill_namespaces(node: Node) -> list[str]:
 
 
 def drill_nodes(node: Node) -> list[str]:
-    """Return the names of the nodes that publish a drill's status in the namespace of a node.
-
-    A name is empty where it is not discovered yet.
-    """
+    """Return the nodes that publish a status in a node's namespace; empty where not known yet."""
     infos = node.get_publishers_info_by_topic(node.resolve_topic_name("status"))
     return [node_name(info) for info in infos if info.topic_type == "rpud_msgs/msg/Status"]
 

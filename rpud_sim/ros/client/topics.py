@@ -22,10 +22,9 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
-from rpud_sim.ros.endpoints import FollowedTopic
+from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps
 from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
 from rpud_sim.ros.process import name_error
-from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.simulation.topics import TOPICS
 
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
@@ -53,13 +52,10 @@ Sink = Callable[[int, tuple[Any, ...]], object]
 
 
 class FastTopics:
-    """Subscriptions to fast topics of a drill, and counts of what they lost.
+    """Subscriptions to fast topics of a drill, decoded without rclpy, and counts of losses.
 
-    A message costs its listener a few microseconds: rclpy converts nothing. ``sinks`` has, by
-    topic, a function of the stamp [ns] and the values: those of ``FIELDS`` in this order, and for
-    ``waveform`` its sequence, its sample_period and a tuple of six NumPy arrays.
-
-    A message of another length or encapsulation is ignored: a stranger may publish there too.
+    ``sinks`` has, by topic, a function of the stamp [ns] and the values of ``FIELDS``; for
+    ``waveform`` of its sequence, its sample_period and a tuple of six NumPy arrays.
     """
 
     def __init__(self, listening: ListeningNode, sinks: Mapping[str, Sink]) -> None:
@@ -80,7 +76,7 @@ class FastTopics:
         kind = _TYPES[topic]
 
         def heard(data: bytes, info: dict[str, Any]) -> None:
-            gaps.note(info["publication_sequence_number"])
+            gaps.record(info["publication_sequence_number"])
             with suppress(BagFormatError):  # of a stranger: not a message of this type
                 stamp, values = decoded(kind, data)
                 sink(stamp, (*values[:2], values[2:]) if is_wave else values)
@@ -102,12 +98,10 @@ def _codec(kind: Any) -> Codec:
 
 
 class TopicListener(FollowedTopic):
-    """Subscription to a topic, and its messages in the order in which they came.
+    """Subscription to a topic of any type, and its messages in the order of their arrival.
 
-    The name is absolute or relative to the node's namespace; without a class of messages it waits
-    ``patience`` for the topic [s], that of the listening node if None. A topic that is missing is a
-    NoAnswerError, one that has several types or one that is not installed a ClientError. ``qos`` is
-    what the publishers offer if None.
+    Without a class of messages it waits ``patience`` for the topic [s]: a missing one is a
+    NoAnswerError, one with several or unknown types a ClientError.
     """
 
     def __init__(
@@ -150,7 +144,7 @@ class TopicListener(FollowedTopic):
     def _hear(self, message: Any, info: dict[str, Any]) -> None:
         self.received_at = time.monotonic()
         self.messages.append(message)
-        self.gaps.note(info["publication_sequence_number"])
+        self.gaps.record(info["publication_sequence_number"])
 
 
 def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:
@@ -202,10 +196,7 @@ def to_plain(value: Any, cut: int | None = None) -> Any:
 
 
 def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
-    """Return what gets a field of a message of this class, or None if an array is too short.
-
-    The text is a path such as ``header.stamp.sec`` or ``faults[0].kind``.
-    """
+    """Return the getter of a path such as ``faults[0].kind``; it gives None beyond an array."""
     steps: list[str | int] = []
     described = kind.__name__
     for part in text.split("."):

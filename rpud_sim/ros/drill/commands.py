@@ -23,9 +23,8 @@ from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
-from rpud_sim.ros.endpoints import taken
+from rpud_sim.ros.endpoints import SequenceGaps, taken
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.sequence_gaps import SequenceGaps
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
@@ -45,9 +44,8 @@ _MOST_RESULTS = 1000  # that wait to be published: more are counted only
 def joints_to_feed(message: JointState) -> Feed | None:
     """Return the feed that a command to joints has; None if it has none.
 
-    The hardware interface names every joint of its system, and gives values only of those with a
-    command interface: a list of values may be shorter than the names. A command interface that no
-    controller has claimed is NaN, which is no command. Joints of others are ignored.
+    The hardware interface names every joint of its system, and lists may be shorter than the names.
+    A command interface that no controller has claimed is NaN.
     """
     names = list(message.name)
     lists = (message.position, message.velocity, message.effort)
@@ -109,10 +107,9 @@ def result_of(kind: str, header: Header | None = None) -> Fields:
 
 
 class Inbox:
-    """Queue of checked commands in the order in which they came, and their results.
+    """Queue of checked commands, and their results; any thread may use it.
 
-    One thread appends, another drains, and any may refuse requests of services. ``notify`` is
-    called when a command is accepted or refused. Results are those of ``result_of``.
+    ``notify`` is called when a command is accepted or refused. Results are those of ``result_of``.
     """
 
     def __init__(self, logger: RcutilsLogger, notify: Callable[[], None] = lambda: None) -> None:
@@ -146,10 +143,7 @@ class Inbox:
             self._waiting.clear()
 
     def accept(self, command: Command, result: Fields, arrived: int | None = None) -> None:
-        """Queue a command for the next block boundary.
-
-        ``arrived`` is when the middleware received it, on the monotonic clock [ns]; None for now.
-        """
+        """Queue a command that arrived at a monotonic time [ns], now if None."""
         with self._counting:
             self._waiting.append((arrived or time.monotonic_ns(), command, result))
         self.notify()
@@ -193,10 +187,7 @@ class Inbox:
         return delays
 
     def take_results(self) -> tuple[list[Fields], list[Fields]] | None:
-        """Return the results of commands since the last call; None if there are none.
-
-        Before them it returns those that were accepted and refused last until then, of each kind.
-        """
+        """Return the last results of each kind before, and the new ones; None if there are none."""
         with self._counting:
             if not (self._results or self._results_changed):
                 return None
@@ -207,11 +198,7 @@ class Inbox:
             return repeated, new
 
     def publish_results(self, publishers: DrillPublishers, stamp: int) -> None:
-        """Publish the results since the last call, with the number of the status that shows them.
-
-        A late subscriber gets the last message: those that were accepted and refused last come
-        first in it.
-        """
+        """Publish new results, with the number of the status that shows them."""
         if (results := self.take_results()) is None:
             return
         repeated, new = results
@@ -235,10 +222,7 @@ class Inbox:
 
 
 class CommandTopic:
-    """Subscription to one topic of commands; an invalid one is refused with a reason.
-
-    ``settings`` gives the settings in force, ``now`` the stamp of a command that is given now [ns].
-    """
+    """Subscription to a topic of commands; ``now`` is the stamp of one that is given now [ns]."""
 
     def __init__(
         self,
@@ -274,7 +258,7 @@ class CommandTopic:
         self._count_discarded()
 
     def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
-        self._gaps.note(information["publication_sequence_number"])
+        self._gaps.record(information["publication_sequence_number"])
         result = result_of(self._name)
         try:
             message = deserialize_message(payload, self._type)

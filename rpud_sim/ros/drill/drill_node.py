@@ -51,9 +51,8 @@ _DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's su
 class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself by default.
 
-    Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
-    activated, at ``start`` if it is given, with the settings of the parameters. It ends after
-    ``duration`` [s] from there, or when it is cleaned up.
+    Simulation time begins when it is first activated, of a fork at ``start``, and ends after
+    ``duration`` [s] or when it is cleaned up.
     """
 
     def __init__(
@@ -231,10 +230,7 @@ def _complete(trigger: Callable[[], TransitionCallbackReturn]) -> None:
 
 
 def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
-    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node.
-
-    With ``with_parent`` it also ends when its parent process has ended.
-    """
+    """Run a drill with a command line of ROS until a signal, or the end of its node or parent."""
     with StopRequest(with_parent) as stop, running_ros(ros_arguments):
         try:
             try:
@@ -283,12 +279,10 @@ def open_drill(
     allow_duplicate: bool = False,
     start: Start | None = None,
 ) -> Iterator[DrillNode]:
-    """Start ROS and a drill node in this process, neither configured nor active; shut both down.
+    """Start ROS and a drill node with these parameters; shut both down at the end.
 
-    ``values`` are parameters by name. After ``duration`` in simulation time [s] it has finished;
-    None for never. With ``allow_duplicate`` it drills beside a drill of the same name, which is a
-    DuplicateError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
-    for time zero.
+    Beside a drill of the same name it is a DuplicateError, unless ``allow_duplicate``.
+    ``duration`` is in simulation time [s].
     """
     with running_ros():
         validate_namespace(f"/{namespace.removeprefix('/')}")

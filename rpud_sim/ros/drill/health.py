@@ -13,8 +13,8 @@ from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
-from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
@@ -78,10 +78,7 @@ _SHOWN = {
 
 
 def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[Fields]:
-    """Return the fields of the entries of diagnostics, without the name of the node.
-
-    ``measured`` is what they show besides the status, by name; ``period`` is of blocks [s].
-    """
+    """Return the entries of diagnostics; ``period`` is of blocks [s]."""
     mount, borehole = run.simulation.process.mount, run.simulation.process.borehole
     values = {"coupling_power": run.coupling_power, **status, **measured}
     mode, feed = FEED_MODES[values.pop("feed_mode")], values.pop("feed_value")
@@ -224,10 +221,7 @@ class StatusReporter:
         return time.monotonic_ns() >= self._rests_until
 
     def report(self, state: str, run: Run, pacer: Pacer) -> None:
-        """Publish the status, with one of its STATE constants.
-
-        Diagnostics of it wait for ``publish_diagnostics``.
-        """
+        """Publish the status with a STATE; diagnostics wait for ``publish_diagnostics``."""
         if self.last is None or self.due():
             self.publish_diagnostics()  # one in each period, even where time is short
             self._measure(pacer)

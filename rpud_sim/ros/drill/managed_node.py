@@ -73,11 +73,7 @@ class ManagedNode(LifecycleNode):
         self.get_logger().warning(f"request refused: {reason}")
 
     def _set_parameters(self, request: Any, response: Any) -> Any:
-        """Do what rclpy's services for parameters do, but name the parameter that is refused.
-
-        rclpy ends at a type that it does not know, names no parameter that is unknown or of another
-        type, and refuses the present value of one that is read-only.
-        """
+        """Set parameters as rclpy does, but name the one that is refused, whatever its type."""
         if isinstance(request, SetParameters.Request):
             response.results = [self._set_together([each]) for each in request.parameters]
         else:
@@ -97,8 +93,7 @@ class ManagedNode(LifecycleNode):
     def _change(self, message: ParameterMessage) -> Parameter | None:
         """Return what is to be set, None for the present value of what is read-only.
 
-        What stands for a number becomes one: a whole number, and a text such as 1e-06, which
-        ``ros2 param`` does not read as a number.
+        A whole number, and a text such as 1e-06, becomes a number where one is expected.
         """
         name, number = message.name, message.value.type
         if number > ParameterType.PARAMETER_STRING_ARRAY:
@@ -153,9 +148,7 @@ def log_exceptions(transition: Transition[Managed]) -> Transition[Managed]:
 class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
-    ``changed`` is called with the settings after each change of a parameter of the drill.
-    ``fixed`` says why all but the changeable ones have to stay as they are; empty if they may
-    change.
+    ``changed`` is called with new settings; ``fixed`` says why those that need a reset must stay.
     """
 
     def __init__(
@@ -205,10 +198,7 @@ class DrillParameters:
 
 
 def declare_settings(node: Node) -> Settings:
-    """Declare all parameters on the node and return the settings that they hold.
-
-    A whole number is accepted for a number, as in ``weight_on_bit: 20``.
-    """
+    """Declare all parameters on the node and return the settings that they hold."""
     settings = to_settings(
         {
             name: override.value
@@ -245,11 +235,7 @@ def _descriptor(declaration: Declaration) -> ParameterDescriptor:
 
 
 class NameHold:
-    """Hold of a node's name on this machine, which ends with the process at the latest.
-
-    Discovery takes seconds on a busy machine; this knows at once. It is an abstract Unix socket,
-    which receives nothing and leaves no file.
-    """
+    """Hold of a node's name on this machine: an abstract Unix socket, known without discovery."""
 
     def __init__(self, name: str, domain: int) -> None:
         # Whether a living process of this machine holds the name, in the same domain.

@@ -20,9 +20,8 @@ _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscri
 def take_turn(session: Session) -> float:
     """Do what is due now; return for how long nothing more is due [s].
 
-    Blocks are computed ahead of their deadlines and published at them. Waveform, trajectory and
-    diagnostics have no deadline: they are published between deadlines. Commands act at the end of
-    the block in which they arrive.
+    Blocks are computed ahead of their deadlines and published at them. What has no deadline is
+    published between deadlines.
     """
     timeline, pacer = session.timeline, session.timeline.pacer
     session.follow_clock()
@@ -93,11 +92,7 @@ class PacingLoop:
         return self._requests.do(lambda: action(session))
 
     def quit(self) -> None:
-        """End the drilling now, at a client's request, and the process a little later.
-
-        The middleware drops a response that reaches a client together with the news that its sender
-        has left.
-        """
+        """End the drilling at a client's request, and the process when that has its response."""
         self._end()
         self._quit_at = time.monotonic() + _LAST_RESPONSE
 

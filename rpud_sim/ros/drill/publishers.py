@@ -83,18 +83,11 @@ class DrillPublishers:
 
     @property
     def published(self) -> Mapping[str, int]:
-        """Messages of each topic of the node's namespace since its publisher exists.
-
-        The middleware numbers messages alike: a subscriber can tell what it still lacks.
-        """
+        """Messages of each topic since its publisher exists, as the middleware numbers them."""
         return {name: self._published[name] for name in self.own}
 
     def wanted(self, topic: str) -> bool:
-        """Return whether to publish a topic: it has had a subscriber, or all are complete.
-
-        A subscriber that stood still is dropped. The numbers of the messages tell it what it lost,
-        so they are published meanwhile.
-        """
+        """Return whether to publish a topic: it has had a subscriber, or all are complete."""
         if topic not in self._wanted and self.own[topic].publisher.get_subscription_count():
             self._wanted.add(topic)
         return self.complete or topic in self._wanted
@@ -107,11 +100,7 @@ class DrillPublishers:
         ]
 
     def publish(self, batches: Iterable[Batch]) -> None:
-        """Publish messages.
-
-        All are serialized before the first one is sent: messages in quick succession find a
-        subscriber awake, and waking one costs more than the rest of sending.
-        """
+        """Publish messages, serialized before: in quick succession they wake a subscriber once."""
         self.send(self.encode(batches))
 
     def send(self, messages: Iterable[Encoded]) -> None:
@@ -125,8 +114,7 @@ class DrillPublishers:
     def publish_deferred(self, has_time: Callable[[], bool]) -> None:
         """Publish messages without a deadline, part by part while there is time.
 
-        Without it a stream that has waited for a period of streams goes on by a part in each call,
-        and one that has waited for two is finished: so their number is bounded.
+        Without it the oldest of two streams goes on by a part, and of three it is finished.
         """
         if len(self._deferred) > 1:
             self._publish_part()
@@ -174,10 +162,7 @@ def _qos_of(topic: DrillTopic) -> QoSProfile:
 
 
 class JournalStore:
-    """The newest entries of a journal as they were published, compressed in pages.
-
-    One thread adds; any may read.
-    """
+    """The newest entries of a journal as they were published, compressed in pages."""
 
     def __init__(self, most: int = MOST) -> None:
         self.count = 0  # entries so far

@@ -69,11 +69,7 @@ class RefusedRequestError(Exception):
 
 
 class DrillServices:
-    """Services for faults, for the journal and for simulation time.
-
-    States, results and refusals are those of the ``simulation_interfaces`` standard. ``settings``
-    gives the settings of the node, configured or not.
-    """
+    """Services for faults, journal and time, with the results of ``simulation_interfaces``."""
 
     def __init__(
         self, node: ManagedNode, loop: PacingLoop, settings: Callable[[], Settings]
@@ -234,10 +230,7 @@ class DrillServices:
         self._loop.request(act)
 
     def step_until(self, until_of: Callable[[Session], int]) -> Reached:
-        """Step to the simulation time [ns] that ``until_of`` returns between two blocks.
-
-        A step that ends before its time is an InterruptedStepError.
-        """
+        """Step to a time [ns] that is found between two blocks, or raise InterruptedStepError."""
 
         def begin(session: Session) -> Any:
             _check_own_time(session, "step")
@@ -274,11 +267,7 @@ class DrillServices:
 
 
 def message_to_fault(message: FaultMessage) -> Fault:
-    """Convert a fault to inject.
-
-    A magnitude of zero, which an unfilled message holds, stands for the kind's default unless the
-    kind permits zero.
-    """
+    """Convert a fault to inject; zero stands for the default of a kind that takes no zero."""
     kind = KINDS.get(message.kind)
     unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
     return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
@@ -300,10 +289,7 @@ def _unsupported(reason: str) -> RefusedRequestError:
 
 
 class DeliveryServer:
-    """Service that says what the drill has published, and who has discovered it.
-
-    It is to be made after all subscriptions and services. Without a request it costs nothing.
-    """
+    """Service that says what the drill has published, and who has discovered it; made last."""
 
     def __init__(self, node: ManagedNode, loop: PacingLoop) -> None:
         self._node = node
@@ -359,11 +345,7 @@ _FEATURES_OF_TIME = (
 
 
 def offer_standard_services(node: Node, services: DrillServices) -> None:
-    """Offer the standard's services for features, state, steps and resets, where it is installed.
-
-    ``services``, the drill's own, do the work: states, results and refusals are theirs. A step is a
-    telemetry period; the first of several goes to the next boundary of one.
-    """
+    """Offer ``simulation_interfaces`` where it is installed; a step is a telemetry period."""
     if standard is None:
         return
 

@@ -34,11 +34,9 @@ _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
 class Session:
     """Run of the drill under commands, and those after resets; their timeline and messages.
 
-    Nothing moves until ``begin``. From then on every method is for the pacing loop: others reach it
-    by ``PacingLoop.request``, and act between two blocks. Any thread may read the attributes.
-
-    The run begins at the instant of ``start``, of a fork, at time zero without one, and is over at
-    ``end`` in simulation time [ns]. ``restored`` is called with the settings that a reset restored.
+    From ``begin`` on every method is for the pacing loop; any thread may read the attributes.
+    The run begins at time zero, of a fork at its instant, and is over at ``end`` [ns].
+    ``restored`` is called with the settings that a reset restored.
     """
 
     def __init__(
@@ -115,10 +113,7 @@ class Session:
         self._switch(run, origin)
 
     def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
-        """Let simulation time begin, now or with the first ``/clock``.
-
-        ``stop`` ends the wait for ``/clock``; ``serve`` is called again and again meanwhile.
-        """
+        """Let simulation time begin, now or with the first ``/clock``, until a stop."""
         configuration = self.settings.configuration
         # The first line that a process logs takes tens of milliseconds: before time zero, then.
         self._logger.info(
@@ -194,10 +189,7 @@ class Session:
             self._logger.warning(refusal)
 
     def publish_deferred(self, until: int | None = None) -> None:
-        """Publish what has no deadline: all of it, or what there is time for.
-
-        ``until`` is the simulation time of the next deadline [ns].
-        """
+        """Publish what has no deadline, as far as there is time before a simulation time [ns]."""
 
         def has_time() -> bool:
             return until is None or self.timeline.pacer.remaining(until) > _PART
@@ -209,9 +201,8 @@ class Session:
     def report_if_due(self) -> None:
         """Report what changed, and at every second; end a step at its goal.
 
-        In a step a test waits for each change, and what is published must not depend on the speed
-        of the machine. While time plays, a stream of commands would have a report in each block,
-        and its readers would be late.
+        In a step a test waits for each change. While time plays, reports of changes keep a
+        distance.
         """
         timeline = self.timeline
         stepping = timeline.goal is not None
@@ -263,10 +254,9 @@ class Session:
             self.report()
 
     def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
-        """Begin again; a fork goes back to its instant, and cannot have another seed.
+        """Begin again, stamps or state or both; a fork goes back to its instant, with its seed.
 
-        ``time`` says whether stamps begin again. ``state`` is the motion, commands, faults, and
-        parameters as they were when it started, but for its pace. A ParameterError changes nothing.
+        The pace stays as it is. A ParameterError changes nothing.
         """
         start = self._start if state else None
         if start is not None and seed not in (None, start.plan.beginning.seed):

@@ -1,8 +1,10 @@
-"""Timeline of the drill: simulation time plays, stands still, or steps to a goal."""
+"""Timeline of the drill: its time plays, stands still or steps; its source, and deadlines."""
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -13,10 +15,14 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.topics import Fields
 
 LONGEST_STEP = 1e6  # [s]; longer than any mission
+# A block is computed this long before its deadline, or right after the block before [s]. Requests
+# and parameters wait for its end from then on: with a longer lead services would answer late.
+LEAD = 0.01
 
 
 class InterruptedStepError(RuntimeError):
@@ -31,10 +37,9 @@ class Reached(NamedTuple):
 
 
 class TimeSource:
-    """Clock that gives simulation time zero its stamp, and what comes after it a schedule.
+    """Clock of the drill: this machine's, another's ``/clock``, or its own if it ``publishes``.
 
-    The node's clock follows ``/clock`` with its parameter ``use_sim_time``. With ``publishes`` the
-    node itself is the source of ``/clock``. ``notify`` is called when another's ``/clock`` moves.
+    ``notify`` is called when another's ``/clock`` moves.
     """
 
     def __init__(
@@ -67,10 +72,7 @@ class TimeSource:
                 serve()
 
     def origin(self, time: int = 0, own: int = 0) -> int:
-        """Return the stamp of simulation time zero if a simulation time is now [ns].
-
-        It is ``own`` where the node is the source.
-        """
+        """Return the stamp of time zero for a time now [ns]; ``own`` of a source of the clock."""
         self.went_back = False
         return own if self._publishes else self._now() - time
 
@@ -87,11 +89,124 @@ class TimeSource:
         self._notify()
 
 
-class Timeline:
-    """Play, pause and steps of simulation time, and the schedule of its blocks.
+class Pacer:
+    """Deadlines of simulation times, on an absolute schedule of blocks at a whole rate [Hz].
 
-    Time stands still at first. ``changed`` is called when it plays or pauses.
+    Simulation time t is due t / factor after the start, so that it never drifts; 0 is as fast as
+    possible. Another ``schedule`` [ns] than the monotonic ``clock`` [ns] goes in steps.
     """
+
+    def __init__(
+        self,
+        rate: int,
+        schedule: Callable[[], int] | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._rate = rate
+        self._factor = 1.0
+        self._clock = clock
+        self._schedule = schedule or clock
+        self._in_steps = schedule is not None
+        self._sleep = sleep
+        self.reset()
+
+    @property
+    def paces(self) -> bool:
+        """Whether blocks have deadlines: it is started, and the factor is not zero."""
+        return self._running and self._factor != 0.0
+
+    @property
+    def ahead(self) -> bool:
+        """Whether blocks are computed ahead of their deadlines."""
+        return self.paces and not self._in_steps
+
+    def reset(self) -> None:
+        """Count from zero, and hold the schedule until the next start."""
+        self._running = False
+        self._blocks = self._missed = 0
+        self._lateness = self._lateness_max = 0.0
+        self._all = DelayHistogram()  # latenesses
+        self._start = self._start_time = self._time = self._read_time = 0
+        self._begun = 0  # when the remaining time was asked for last, on the schedule
+        self._read_at = self._clock()
+
+    def start(self, time: int, factor: float, at: int | None = None) -> None:
+        """Begin a schedule: simulation time [ns] is due at a time of the schedule, now if None."""
+        self._running = True
+        self._factor = factor
+        self._start = self._schedule() if at is None else at
+        self._time = self._start_time = time
+
+    def stop(self) -> None:
+        """Hold the schedule: until the next start nothing is due, late or behind."""
+        self._running = False
+
+    def remaining(self, time: int) -> float:
+        """Time until a simulation time [ns] is due [s], zero or less if it is."""
+        if self._factor == 0.0:
+            return 0.0
+        self._begun = self._schedule()
+        return (self._due(time) - self._begun) / SECOND
+
+    def idle(self, time: int) -> float:
+        """Time until the block that ends at a simulation time [ns] is to be computed [s]."""
+        lead = min(LEAD, 1.0 / (self._rate * self._factor)) if self.ahead else 0.0
+        return self.remaining(time) - lead
+
+    def wait(self, time: int) -> None:
+        """Sleep until the deadline of a block that was computed ahead of it."""
+        if self.ahead and (early := self.remaining(time)) > 0.0:
+            self._sleep(early)
+
+    def delay_since(self, time: int) -> int:
+        """Return how long ago a simulation time [ns] was due [ns]."""
+        return self._schedule() - self._due(time)
+
+    def finish(self, time: int) -> None:
+        """Note that the block up to a simulation time [ns] is finished: all of it is published."""
+        self._blocks += 1
+        self._time = time
+        if not self.paces:
+            return
+        due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
+        late = self._schedule() - due
+        self._all.add(late)
+        self._lateness = late / SECOND
+        self._lateness_max = max(self._lateness_max, self._lateness)
+        if self._lateness * self._rate * self._factor > 1.0:
+            self._missed += 1
+
+    def read(self) -> Fields:
+        """Return the timing so far by name [s], and begin an interval for its rate and maximum."""
+        now = self._clock()
+        elapsed = now - self._read_at
+        behind = 0.0
+        if self.paces:
+            scheduled = (self._schedule() - self._start) * self._factor
+            behind = max(0.0, scheduled - (self._time - self._start_time)) / SECOND
+        timing = {
+            "blocks": self._blocks,
+            "deadlines_missed": self._missed,  # blocks that were later than one period
+            "lateness": self._lateness,  # of the last block
+            "lateness_max": self._lateness_max,  # of the interval
+            "lateness_p50": self._all.quantile(0.5),
+            "lateness_p99": self._all.quantile(0.99),
+            "lateness_p99.9": self._all.quantile(0.999),
+            "lag": math.floor(behind * self._rate) / self._rate,
+            # simulated over elapsed time in the interval
+            "real_time_factor": (self._time - self._read_time) / elapsed if elapsed > 0 else 1.0,
+        }
+        self._read_at, self._read_time = now, self._time
+        self._lateness_max = 0.0
+        return timing
+
+    def _due(self, time: int) -> int:
+        return self._start + round((time - self._start_time) / self._factor)
+
+
+class Timeline:
+    """Play, pause and steps of simulation time, and its schedule; it stands still at first."""
 
     def __init__(
         self,
@@ -160,10 +275,7 @@ class Timeline:
         self._step.set_result(reached)
 
     def pace(self, time: int, stamp: int, factor: float) -> bool:
-        """Begin a schedule at a simulation time, or hold it; return whether it is punctual.
-
-        The factor is without effect where the schedule is that of another's ``/clock``.
-        """
+        """Begin a schedule at a simulation time, or hold it; return whether it is punctual."""
         factor = 1.0 if self.source.follows else factor
         if self.playing:
             self.pacer.start(time, factor, stamp if self.source.follows else None)

@@ -5,19 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Generator, Mapping, Sequence
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
 from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message, serialize_message
-from rpud_msgs.msg import JournalEntry
-from rpud_msgs.srv import GetJournal
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import node_name
 from rpud_sim.ros.record.recorder_node import Recorder
+
+if TYPE_CHECKING:
+    from rpud_msgs.msg import JournalEntry
 
 _STATUS = "rpud_msgs/msg/Status"
 _JOURNAL = "rpud_msgs/msg/JournalEntry"
@@ -28,12 +29,9 @@ Steps = Generator[None, None, None]
 
 
 class ParameterQuery:
-    """Finds the drills of recorded topics, and records the manifest of each.
+    """Finds the drills of recorded topics by their status, and records the manifest of each.
 
-    A drill is a node that publishes a Status; a restarted one is queried again. The text of its
-    scenario stays unknown: no file is read, as anybody could name any, and its journal has the
-    faults. The node needs no executor: ``poll`` reads the answers that have come. ``command`` is
-    the command line of the recorder.
+    The text of a scenario stays unknown: no file is read, as anybody could name any.
     """
 
     def __init__(self, node: Recorder, command: Sequence[str]) -> None:
@@ -106,8 +104,7 @@ class ParameterQuery:
 class JournalQuery:
     """Asks drills for the entries of their journals that the bag lacks, and records them.
 
-    They are missing if the recorder starts late, has stood still or was paused. Their publishing
-    times are those of the drill. The node needs no executor: ``poll`` reads the answers.
+    They are missing if the recorder starts late, has stood still or was paused.
     """
 
     def __init__(self, node: Recorder) -> None:
@@ -143,7 +140,7 @@ class JournalQuery:
         if topic is None or topic.type != _JOURNAL:
             return
         with self._node.guard(f"an entry of {message.topic}"):
-            entry = deserialize_message(message.data, JournalEntry)
+            entry = deserialize_message(message.data, topic.kind)
             before, published = self._latest.get(message.topic, (None, 0))
             if before is not None and entry.sequence <= before.sequence:
                 if message.publish_time <= published:
@@ -155,6 +152,8 @@ class JournalQuery:
 
     def _ask(self, topic: str, before: JournalEntry | None, after: JournalEntry) -> Steps:
         """Ask the drills of a topic for what is missing between two entries, until one has it."""
+        from rpud_msgs.srv import GetJournal  # others are recorded without it
+
         node = self._node
         clients: dict[str, Client] = {}
         others = set[str]()  # drills with another journal
@@ -180,8 +179,8 @@ class JournalQuery:
         """Record what is missing between two entries; return False if it is another journal."""
 
         def page(first: int) -> Generator[None, None, list[tuple[JournalEntry, int]]]:
-            request = GetJournal.Request(first=first)
-            response = yield from _response(self._node, client, GetJournal, request)
+            kind: Any = client.srv_type
+            response = yield from _response(self._node, client, kind, kind.Request(first=first))
             return list(zip(response.entries, response.publish_times, strict=True))
 
         first, end = 0, int(after.sequence)

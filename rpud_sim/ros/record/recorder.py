@@ -43,11 +43,7 @@ class RecordResult(NamedTuple):
 def record(
     options: RecordOptions, ros_arguments: Sequence[str], show: Callable[[str], None]
 ) -> RecordResult:
-    """Record until the duration is over or a signal stops it, and return the result.
-
-    ``show`` is called with a line about the progress, once a second. A bag that cannot be written
-    is a BagError, and ROS or a name that cannot be used a StartError.
-    """
+    """Record until the duration is over or a signal; ``show`` gets a line each second."""
     with StopRequest(options.with_parent) as stop, running_ros(ros_arguments):
         return _record(options, stop, show)
 

@@ -19,11 +19,10 @@ _CHECKED_SIZE = 1 << 20  # messages between two looks at the free space [bytes]
 
 
 class Intake:
-    """Messages on their way from the one thread that receives them to the one that writes.
+    """Messages on their way from the thread that receives them to the one that writes.
 
-    At most ``capacity`` bytes of messages wait; a message that does not fit is dropped. Each
-    counter belongs to one of the two threads, so that neither waits for the other. A pause discards
-    messages; at its end the last ones of latched topics are written, as received then.
+    At most ``capacity`` bytes wait; what does not fit is dropped. A pause discards messages; at
+    its end the last ones of latched topics are written, as received then.
     """
 
     def __init__(
@@ -100,9 +99,7 @@ class Intake:
 class WritingThread(threading.Thread):
     """Writes what the intake has until its end, and flushes it to the disk in time.
 
-    A message waits for others in its chunk for half of ``max_loss``; the rest is left for the disk.
-    The bag itself is for others to close when the thread has ended. ``on_end`` is called once when
-    there is an error or a refusal.
+    ``on_end`` is called once at an error or a refusal.
     """
 
     def __init__(

@@ -35,9 +35,8 @@ Messages = Generator[Message, None, None]
 def read_ahead(messages: Iterable[Message]) -> Messages:
     """Yield messages that a thread reads in advance, with the error of reading at the end.
 
-    At most about 4,000 messages wait, or 16 MiB and one message for each of 16 batches. So many are
-    read before the first one comes: later on the thread has little to do at a time, and messages
-    are not late. Until this is closed no one else may read the same files.
+    At most about 4,000 messages, or 16 MiB, wait. Until it is closed nobody else may read the
+    files.
     """
     batches: queue.Queue[list[Message] | Exception | None] = queue.Queue(_BATCHES)
     full, closed = threading.Event(), threading.Event()
@@ -89,10 +88,8 @@ class PlaybackError(Exception):
 class Playback:
     """Publishes messages at times that can be paused, stepped, sped up and moved.
 
-    ``read`` opens the messages from a time of the bag [ns] on. ``span`` has the times of the bag at
-    which it begins and ends [ns]. Of the ``options`` it takes rate, pause, loop and clock. Its own
-    ``clock`` is monotonic [ns]. It ends when ``interrupted`` says so. One thread plays, by ``run``;
-    others reach it by ``do``.
+    ``read`` opens the messages from a time of the bag [ns] on; ``span`` has the first and last
+    time. One thread plays, by ``run``; others reach it by ``do``.
     """
 
     def __init__(
@@ -160,11 +157,7 @@ class Playback:
             self._tick = self._since
 
     def advance(self) -> float | None:
-        """Publish what is due, for a millisecond at most; return the time until the next call [s].
-
-        Zero is at once, infinity is after the next request, None is the end. Errors of reading and
-        publishing are raised.
-        """
+        """Publish what is due, for 1 ms at most; return when to call again [s], None at the end."""
         if self._stopped or self._interrupted():
             return None
         if self._failure is not None:

@@ -52,13 +52,9 @@ _LONGEST_WAIT = 5.0  # for subscribers of a fast replay [s]
 
 
 class Replayer(Node):
-    """Publishes messages of a bag.
+    """Publishes topics of a bag with their types and QoS, and ``/clock`` if requested.
 
-    Publishers: the topics, with their types and their recorded QoS, and ``/clock`` if requested. A
-    topic is skipped with a warning if its name is invalid in ROS, if its type is not installed or
-    not the only one, or if it would share its name with a topic of another type.
-
-    ``remappings`` are other names of topics, as ``OLD:=NEW``.
+    What cannot be published is skipped with a warning. ``remappings`` are as ``OLD:=NEW``.
     """
 
     def __init__(
@@ -135,11 +131,7 @@ class Replayer(Node):
 
 
 def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
-    """Return the QoS of a replayed topic: the strongest of each policy that was offered.
-
-    So every subscriber that connected to one of the publishers connects to the replay. Without a
-    recorded offer the topic is reliable and volatile.
-    """
+    """Return the QoS of a replayed topic: the strongest of each policy that was offered."""
     latched = any(profile.durability == "transient_local" for profile in recorded)
     depths = [
         min(max(profile.depth, 1), DEPTH_LIMIT)
@@ -166,10 +158,9 @@ def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
 
 
 def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] | None:
-    """Return what makes messages of an installed class of a topic's bytes; None if they are such.
+    """Return the converter to an installed class; None if the bytes are such.
 
-    A subscriber drops a message that ends early. Fields that the recorded version lacks get their
-    default. One with a field that the installed version lacks is an UnknownTypeError.
+    A recorded field that the installed version lacks is an UnknownTypeError.
     """
     topic = summary.topic
     try:
@@ -222,10 +213,7 @@ _SERVICES: dict[str, tuple[Any, Callable[[Playback, Any], dict[str, Any] | None]
 
 
 def offer_services(node: Replayer, playback: Playback) -> None:
-    """Offer the services of ``ros2 bag play`` below the node's name, with their meanings.
-
-    Their types are std_srvs/Trigger and those of rpud_msgs, with the reason of a refusal.
-    """
+    """Offer the services of ``ros2 bag play`` below the node's name, with their meanings."""
     for name, (kind, act) in _SERVICES.items():
         node.create_service(kind, f"~/{name}", partial(_answer, node, playback, name, act))
 

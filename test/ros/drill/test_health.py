@@ -11,8 +11,8 @@ from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.health import StatusReporter, diagnose
-from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault

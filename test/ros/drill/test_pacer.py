@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from manual_clock import SECOND, ManualClock
 
-from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.simulation.block import boundary
 
 MILLISECOND = 1_000_000

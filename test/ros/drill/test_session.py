@@ -16,11 +16,10 @@ from rclpy.time import Time
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import health, session
 from rpud_sim.ros.drill.commands import Inbox, result_of
-from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.pacing_loop import take_turn
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.drill.timeline import InterruptedStepError
+from rpud_sim.ros.drill.timeline import InterruptedStepError, Pacer
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.topics import PROVED
