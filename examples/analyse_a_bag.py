@@ -14,10 +14,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from rpud_sim.pages.plot import Axis, Line, Plot
 
 import rpud_sim.bag
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.plot import Axis, Line, Plot
 
 bag = rpud_sim.bag.open(sys.argv[1] if len(sys.argv) > 1 else "bags/first")
 for summary in bag.topics:

@@ -16,8 +16,8 @@ import numpy as np
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.rebuild import TrajectoryPiece, trajectory_pieces
-from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.recorded.rebuild import RecordedSegments, recorded_segments
 from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
 from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
@@ -142,17 +142,17 @@ class Waveforms:
         recording = self._recording
         held: list[np.ndarray] = []
         zero = 0.0
-        for piece in self._pieces(start, end) if self._topic else ():
-            begin = (piece.origin - recording.offset(self._topic, piece.published)) / SECOND
-            if held and not (piece.follows and begin == zero):
+        for each in self._segments(start, end) if self._topic else ():
+            begin = (each.origin - recording.offset(self._topic, each.published)) / SECOND
+            if held and not (each.follows and begin == zero):
                 yield zero, np.concatenate(held)
                 held = []
-            held.append(piece.segments)
+            held.append(each.segments)
             zero = begin
         if held:
             yield zero, np.concatenate(held)
 
-    def _pieces(self, start: float, end: float) -> Iterator[TrajectoryPiece]:
+    def _segments(self, start: float, end: float) -> Iterator[RecordedSegments]:
         recording = self._recording
         numbers = enumerate(recording.chunks_between(self._drill, start, end))
         # Chunks that follow each other.
@@ -160,7 +160,7 @@ class Waveforms:
             parts = (recording.messages(number, self._topic) for _, number in adjacent)
             messages = sorted(itertools.chain(*parts), key=lambda message: message.log_time)
             try:
-                yield from trajectory_pieces(messages, self._codec, recording.path)
+                yield from recorded_segments(messages, self._codec, recording.path)
             except BagError:
                 continue  # what came before the damage is drawn
 

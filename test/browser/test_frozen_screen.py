@@ -15,9 +15,9 @@ from browser.screens import (
     until_screen,
     view_of,
 )
-from rpud_sim.viewer.frames import encode, plots_of
 
 from rpud_sim.foundation.quantities import QUANTITIES, for_browser
+from rpud_sim.viewer.frames import encode, plots_of
 
 pytestmark = pytest.mark.extended
 

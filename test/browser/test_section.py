@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from browser.pages import PHONE
 from browser.screens import page_with_share
-from rpud_sim.viewer.frames import encode
-from rpud_sim.viewer.recorded import CHANNELS
 
 from rpud_sim.foundation.quantities import for_browser
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.sampling import Times, sample
+from rpud_sim.viewer.frames import encode
+from rpud_sim.viewer.recorded import CHANNELS
 
 pytestmark = pytest.mark.extended
 

@@ -28,8 +28,6 @@ from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import MESSAGES, WAVEFORM, WAVEFORM_RANGE, RecordedStore
 
-pq = pytest.importorskip("pyarrow.parquet")
-
 RATE = 1_000_000
 DRILL = "/rpud"
 

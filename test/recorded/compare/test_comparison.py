@@ -21,7 +21,6 @@ from rpud_sim.recorded.compare import page as pages
 from rpud_sim.recorded.compare.estimates import DIFFERS
 from rpud_sim.recorded.compare.page import difference_picture, render
 from rpud_sim.recorded.compare.results import content, texts
-from rpud_sim.recorded.compare.values import RecordedValues
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
