@@ -187,7 +187,7 @@ class JournalQuery:
         if [entry for entry, _ in (yield from page(end))[:1]] != [after]:
             return False
         if before is not None:
-            # Another one if the drill has been started again, and nobody has heard its beginning.
+            # Another one if the drill has been started again, and its beginning did not come.
             found = [entry for entry, _ in (yield from page(int(before.sequence)))[:1]]
             first = int(before.sequence) + 1 if found == [before] else 0
         missing = wanted = end - first
