@@ -129,7 +129,7 @@ class DiscoveryProbe:
 
     def answered(self) -> bool:
         """Return whether the node has answered; to be called again until it has."""
-        # The middleware may not call the service ready while it remembers an ended namesake.
+        # The middleware may not call the service ready while it remembers one that has ended.
         if self._client is not None and self._request.answered():
             self.close()
         return self._client is None

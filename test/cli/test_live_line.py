@@ -17,7 +17,8 @@ from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
 
 MILLISECOND = 1_000_000
@@ -29,7 +30,7 @@ class Drill:
     def __init__(self, **parameters):
         self.statistics = Statistics()
         beginning = Beginning(Settings(to_configuration(parameters)))
-        self.run = Run(beginning, on_block=self._add)
+        self.run = Run(Plan(beginning), on_block=self._add)
         self.simulation = self.run.simulation
 
     def _add(self, block):
@@ -41,7 +42,7 @@ class Drill:
         bookkeeping = Bookkeeping(**{"lateness_max": 0.0013, **counts})
         return Report(
             time=self.run.time,
-            status=self.run.status(state, bookkeeping)[2],
+            status=self.run.status(state, bookkeeping).fields,
             figures=self.statistics.figures(),
             process=self.simulation.process,
             faults=self.simulation.faults.active,

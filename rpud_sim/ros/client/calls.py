@@ -109,7 +109,7 @@ class CommandSender:
         self._results: list[tuple[Any, int]] = []
         self._publishers: dict[str, Publisher] = {}
 
-    def hear(self, message: msg.CommandResults) -> None:
+    def take(self, message: msg.CommandResults) -> None:
         """Take the results of commands, of any client."""
         for result in message.results:
             if result.header.frame_id == self._awaited and not self._results:
@@ -135,11 +135,11 @@ class CommandSender:
         publisher = self._node.create_publisher(kind, topic, _COMMAND_DEPTH)
         self._services.introduce()
         self._listening.wait_until(
-            lambda: self._is_heard(publisher), f"the drill did not subscribe to {topic}"
+            lambda: self._is_discovered(publisher), f"the drill did not subscribe to {topic}"
         )
         return publisher
 
-    def _is_heard(self, publisher: Publisher) -> bool:
+    def _is_discovered(self, publisher: Publisher) -> bool:
         """Return whether the drill is among the subscribers, and all are connected."""
         infos = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
         # One that asks for messages from before, which a command never has, is not connected.

@@ -40,7 +40,7 @@ SCOPES: Mapping[str, int] = {
     "state": srv.ResetSimulation.Request.SCOPE_STATE,
     "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
-_HEARD = {
+_TOPICS = {
     "status": Status,
     "faults": msg.Faults,
     "journal": msg.JournalEntry,
@@ -84,8 +84,8 @@ class DrillClient(ListeningNode):
         # Messages that the drill had published on each topic when the last step ended.
         self.published: Mapping[str, int] = {}
         self._observer: Callable[[str, Any], object] = lambda topic, message: None
-        for topic, kind in _HEARD.items():
-            self.subscribe(kind, topic, partial(self._hear, topic), _LATCHED)
+        for topic, kind in _TOPICS.items():
+            self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
@@ -353,12 +353,12 @@ class DrillClient(ListeningNode):
         self.found()
         self._commands.send(name, message)
 
-    def _hear(self, topic: str, message: Any, info: dict[str, Any]) -> None:
+    def _on_message(self, topic: str, message: Any, info: dict[str, Any]) -> None:
         self._latest[topic] = message
         if topic == "status":
             self._numbers.append(info["publication_sequence_number"])
         elif topic == "command_results":
-            self._commands.hear(message)
+            self._commands.take(message)
         self._observer(topic, message)
 
     def _check_alone(self) -> None:

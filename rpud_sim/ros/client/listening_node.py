@@ -104,10 +104,15 @@ class ListeningNode:
             rclpy.shutdown(context=self._context)
 
     def subscribe(
-        self, kind: Any, topic: str, heard: Callable[..., Any], qos: QoSProfile, raw: bool = False
+        self,
+        kind: Any,
+        topic: str,
+        on_message: Callable[..., Any],
+        qos: QoSProfile,
+        raw: bool = False,
     ) -> Subscription:
-        """Call ``heard`` with each message of a topic, and with its info if it takes two."""
-        subscription = self.node.create_subscription(kind, topic, heard, qos, raw=raw)
+        """Call ``on_message`` with each message of a topic, and with its info if it takes two."""
+        subscription = self.node.create_subscription(kind, topic, on_message, qos, raw=raw)
         self._subscriptions.append(subscription)
         return subscription
 
@@ -120,7 +125,7 @@ class ListeningNode:
         self._check()
         try:
             self._executor.spin_once(timeout_sec=seconds)
-        except RuntimeError as error:  # rclpy raises it at a malformed message of a stranger
+        except RuntimeError as error:  # rclpy raises it at a malformed message
             self.node.get_logger().warning(raised(error))
         # The executor takes one message, which costs it more than all others do this way.
         self.take()

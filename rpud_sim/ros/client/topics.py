@@ -75,14 +75,14 @@ class FastTopics:
         is_wave = topic == "waveform"
         kind = _TYPES[topic]
 
-        def heard(data: bytes, info: dict[str, Any]) -> None:
+        def on_message(data: bytes, info: dict[str, Any]) -> None:
             gaps.record(info["publication_sequence_number"])
-            with suppress(BagFormatError):  # of a stranger: not a message of this type
+            with suppress(BagFormatError):  # of another process: not of this type
                 stamp, values = decoded(kind, data)
                 sink(stamp, (*values[:2], values[2:]) if is_wave else values)
 
         qos = QoSProfile(depth=_WAVES if is_wave else _DEPTH)
-        listening.subscribe(kind, topic, heard, qos, raw=True)
+        listening.subscribe(kind, topic, on_message, qos, raw=True)
 
 
 def decoded(kind: Any, data: bytes) -> tuple[int, tuple[Any, ...]]:
@@ -139,9 +139,9 @@ class TopicListener(FollowedTopic):
         self._listening.unsubscribe(self.subscription)
 
     def _subscribe(self) -> Subscription:
-        return self._listening.subscribe(self.kind, self.name, self._hear, self.request)
+        return self._listening.subscribe(self.kind, self.name, self._on_message, self.request)
 
-    def _hear(self, message: Any, info: dict[str, Any]) -> None:
+    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
         self.received_at = time.monotonic()
         self.messages.append(message)
         self.gaps.record(info["publication_sequence_number"])

@@ -303,8 +303,8 @@ class CommandTopic:
 def arrival(information: Mapping[str, int]) -> int:
     """Return when the middleware received a message, on the monotonic clock [ns].
 
-    The middleware notes the time of day, which may be set meanwhile. So a message counts as one
-    that arrived within the last second; without a note as one that arrived now.
+    The middleware gives the time of day, which may be set meanwhile. So a message counts as one
+    that arrived within the last second; without it as one that arrived now.
     """
     received = information["received_timestamp"]
     waited = time.time_ns() - received if received else 0

@@ -26,7 +26,7 @@ from rpud_sim.simulation.topics import TOPICS, DrillTopic
 Encoded = tuple[str, bytes]  # topic and serialized message
 
 RESULTS = "command_results"
-# Topics of a running drill alone, no part of a simulation.
+# Topics of a running drill only, no part of a simulation.
 OF_NODE = {
     "/diagnostics": DrillTopic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
     RESULTS: DrillTopic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),

@@ -164,7 +164,7 @@ class Pacer:
         return self._schedule() - self._due(time)
 
     def finish(self, time: int) -> None:
-        """Note that the block up to a simulation time [ns] is finished: all of it is published."""
+        """Count a block up to a simulation time [ns], all of which is published."""
         self._blocks += 1
         self._time = time
         if not self.paces:

@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import node_name
-from rpud_sim.ros.record.recorder_node import Recorder
+from rpud_sim.ros.record.recorder_node import Recorder, is_damaged
 
 if TYPE_CHECKING:
     from rpud_msgs.msg import JournalEntry
@@ -126,14 +126,23 @@ class JournalQuery:
 
     def finish(self, seconds: float) -> None:
         """Wait some seconds for the answers of drills that are there."""
-        deadline, asked = time.monotonic() + seconds, self._node.get_publishers_info_by_topic
+        deadline = time.monotonic() + seconds
         self.poll()
-        while time.monotonic() < deadline and any(asked(topic) for topic, _ in self._asking):
+        while (
+            time.monotonic() < deadline
+            and not self._node.intake.paused
+            and any(self._drills(topic) for topic, _ in self._asking)
+        ):
             time.sleep(_POLL_PERIOD)
             self.poll()
         for topic, steps in self._asking:
             steps.close()
             self._node.get_logger().warning(f"{topic} lacks entries that no drill has returned")
+
+    def _drills(self, topic: str) -> set[str]:
+        """Return the nodes that publish a topic and return journals."""
+        names = map(node_name, self._node.get_publishers_info_by_topic(topic))
+        return {name for name in names if name and self._node.count_services(f"{name}/get_journal")}
 
     def _find_gap(self, message: Message) -> None:
         topic = self._node.topics.get(message.topic)
@@ -159,10 +168,8 @@ class JournalQuery:
         others = set[str]()  # drills with another journal
         try:
             while True:
-                infos = node.get_publishers_info_by_topic(topic)
-                for drill in dict.fromkeys(map(node_name, infos)):
-                    if drill and drill not in clients:
-                        clients[drill] = node.create_client(GetJournal, f"{drill}/get_journal")
+                for drill in self._drills(topic) - clients.keys():
+                    clients[drill] = node.create_client(GetJournal, f"{drill}/get_journal")
                 for drill in clients.keys() - others:
                     if clients[drill].service_is_ready():
                         if (yield from self._fill(topic, clients[drill], before, after)):
@@ -187,18 +194,18 @@ class JournalQuery:
         if [entry for entry, _ in (yield from page(end))[:1]] != [after]:
             return False
         if before is not None:
-            # Another one if the drill has been started again, and nobody has heard its beginning.
+            # Another one if the drill has been started again, and its beginning did not come.
             found = [entry for entry, _ in (yield from page(int(before.sequence)))[:1]]
             first = int(before.sequence) + 1 if found == [before] else 0
         missing = wanted = end - first
         while first < end:
-            entries = [each for each in (yield from page(first)) if each[0].sequence < end]
+            entries = [each for each in (yield from page(first)) if first <= each[0].sequence < end]
             if not entries:
                 break
             for entry, published in entries:
-                data = serialize_message(entry)
-                message = Message(topic, time.time_ns(), int(published), data)
-                self._node.intake.put(message, observed=False)
+                message = Message(topic, time.time_ns(), int(published), serialize_message(entry))
+                if not is_damaged(message.data, message.log_time, message.publish_time):
+                    self._node.intake.put(message, observed=False)
             missing -= len(entries)
             first = int(entries[-1][0].sequence) + 1
         logger = self._node.get_logger()

@@ -163,7 +163,7 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
     ]
     lines += [text for name, losses in sorted(node.losses.items()) for text in _lost(name, losses)]
     lines += [
-        f"subscribed {name} again {topic.renewals} times, in case a publisher was not heard"
+        f"subscribed {name} again {topic.renewals} times, in case a publisher was not connected"
         for name, topic in sorted(node.topics.items())
         if topic.renewals
     ]

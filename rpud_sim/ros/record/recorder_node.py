@@ -98,7 +98,7 @@ class RecordedTopic(FollowedTopic):
             self._matched_by = inf
         elif now >= self._matched_by:
             self.renewals += 1
-            return "a publisher that is there was not heard"
+            return "a publisher that is there was not connected"
         elif self._matched_by == inf:
             self._matched_by = now + _MATCHING * 2 ** min(self.renewals, 5)
         return ""

@@ -190,13 +190,3 @@ def test_a_change_during_a_reset_is_not_lost(node, monkeypatch):
     client.join()
     settings = parameters.settings
     assert (settings.command_timeout, settings.command_loss_ramp) == (2.0, 3.0)
-
-
-def test_changeable_parameters_are_restored_and_nothing_else_is_touched(node):
-    drill, taken = node(), []
-    parameters = DrillParameters(drill, taken.append, lambda: "")
-    drill.set_parameters([Parameter("command_timeout", value=7.0)])
-    assert parameters.settings == taken[-1] == Settings().replace({"command_timeout": 7.0})
-    parameters.restore(Settings())
-    assert parameters.settings == taken[-1] == Settings()
-    assert len(taken) == 2

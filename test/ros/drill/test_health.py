@@ -245,14 +245,6 @@ def test_a_new_beginning_counts_from_zero(drill):
     assert drill.report().status["commands_rejected"] == 0
 
 
-def test_lost_commands_are_told(drill):
-    drill.run.control.set(0.1, 0.1)
-    drill.advance(1)
-    drill.run.control.act()
-    status = drill.report().status
-    assert (status["commands_lost"], status["weight_on_bit"]) == (True, 0.0)
-
-
 def test_commanders_are_those_of_the_topic_that_has_most(nodes):
     remapped = ["--ros-args", "-r", "command/drive:=/arm/drive"]
     nodes.append(rclpy.create_node("drill_node", namespace="/rpud", cli_args=remapped))

@@ -101,14 +101,6 @@ def test_factor_and_maximum_are_those_since_the_report_before_quantiles_those_of
     assert found == pytest.approx((1.0, 0.001, 0.005, 0.005), rel=0.05)
 
 
-@pytest.mark.parametrize("factor", [0.01, 0.5, 10.0, 1000.0])
-def test_simulated_over_elapsed_time_is_the_factor(factor):
-    run = Run(factor=factor)
-    run.blocks([0] * 300)
-    assert run.elapsed == pytest.approx(3 * SECOND / factor, rel=1e-9)
-    assert run.read("real_time_factor", "lag") == pytest.approx((factor, 0.0), rel=1e-9)
-
-
 def test_as_fast_as_possible_nothing_is_waited_for_and_nothing_late():
     run = Run(factor=0.0)
     run.blocks([7 * MILLISECOND] * 100)
