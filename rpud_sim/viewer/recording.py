@@ -141,7 +141,7 @@ class TimeLine:
         """Return stamps of time zero that messages have by their publishing times [ns], (n,)."""
         numbers = np.searchsorted(self._starts, published, "right")
         found = np.empty(len(published), np.int64)
-        for number in np.unique(numbers).tolist():
+        for number in range(numbers.min(), numbers.max() + 1) if len(numbers) else ():
             chosen = numbers == number
             found[chosen] = self.runs[number].origins(published[chosen]) - self.shifts[number]
         return found
