@@ -152,7 +152,7 @@ class Waveforms:
         if held:
             yield zero, np.concatenate(held)
 
-    def _pieces(self, start: float, end: float) -> Iterator[RecordedSegments]:
+    def _segments(self, start: float, end: float) -> Iterator[RecordedSegments]:
         recording = self._recording
         numbers = enumerate(recording.chunks_between(self._drill, start, end))
         # Chunks that follow each other.
