@@ -198,28 +198,28 @@ class Collector:
         for topic in self.topics.values():
             topic.take(self.time)
 
-    def until(
+    def until_complete(
         self,
-        condition: Callable[[], object],
+        lack: Callable[[], str],
         seconds: float,
         check: Callable[[], object],
         period: float = _LONGEST_WAIT,
-    ) -> bool:
-        """Take messages until a condition holds; return whether it does within real time [s].
+    ) -> str:
+        """Take messages until nothing lacks; return what still does after some real time [s].
 
-        The condition is looked at after each message and at least every ``period`` [s], and so
-        often ``check`` is called; it may raise an error.
+        ``lack`` says it in words, empty for nothing. It is called after each message and at least
+        every ``period`` [s], and so often is ``check``, which may raise an error.
         """
         deadline = time.monotonic() + seconds
         self.take()
-        while not condition():
+        while lacking := lack():
             check()
             remaining = deadline - time.monotonic()
             if remaining <= 0.0:
-                return False
+                return lacking
             self.wait(min(remaining, period))
             self.take()
-        return True
+        return ""
 
     def wait(self, seconds: float) -> None:
         """Wait until a message is there, at most for some seconds."""

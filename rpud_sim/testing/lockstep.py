@@ -132,19 +132,15 @@ class Lockstep:
     def _await_published(self) -> None:
         collector, status = self._collector, self._collector.own("status")
 
-        def complete() -> bool:
-            return (
-                bool(status.stamps)
-                and status.stamps[-1] >= collector.time
-                and (status.number or 0) >= self._client.status_number
-                and not collector.missing()
-            )
+        def lack() -> str:
+            if not status.stamps or status.stamps[-1] < collector.time:
+                return "status"
+            if (status.number or 0) < self._client.status_number:
+                return "status"
+            return ", ".join(f"{count} of {name}" for name, count in collector.missing().items())
 
-        if not collector.until(complete, _PATIENCE, self._check):
-            lacking = ", ".join(f"{count} of {name}" for name, count in collector.missing().items())
-            raise LostMessagesError(
-                f"messages of the drill have not arrived: {lacking or 'status'}"
-            )
+        if lacking := collector.until_complete(lack, _PATIENCE, self._check):
+            raise LostMessagesError(f"messages of the drill have not arrived: {lacking}")
 
     def await_delivery(self) -> None:
         """Wait until all reliable subscribers have all that the drill has published.
@@ -152,7 +148,11 @@ class Lockstep:
         One that was killed never has: the wait ends then, too.
         """
         self._settle()
-        self._collector.until(lambda: self._collector.ask().acknowledged, _DELIVERY, self._check)
+
+        def lack() -> str:
+            return "" if self._collector.ask().acknowledged else "acknowledgements"
+
+        self._collector.until_complete(lack, _DELIVERY, self._check)
 
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
@@ -190,11 +190,11 @@ class Lockstep:
     def _await_start(self) -> None:
         status = self._collector.own("status")
 
-        def paused() -> bool:
+        def lack() -> str:
             latest = status.latest()
-            return latest is not None and latest.state == Status.STATE_PAUSED
+            return "" if latest and latest.state == Status.STATE_PAUSED else "a paused drill"
 
-        if not self._collector.until(paused, _START, self._check):
+        if self._collector.until_complete(lack, _START, self._check):
             raise self._failure(f"has not started within {_START:g} s")
         self._systems.await_connections()
 

@@ -31,7 +31,7 @@ class Introductions:
     def __init__(self, collector: Collector, own: Node) -> None:
         self._collector = collector
         self._own = own
-        self._strangers = {
+        self._not_tested = {
             own.get_fully_qualified_name(),
             collector.node.get_fully_qualified_name(),
             collector.resolve("drill_node"),
@@ -52,7 +52,7 @@ class Introductions:
         return {
             gid: name
             for gid, name in found.items()
-            if gid not in self._gone and name not in self._strangers
+            if gid not in self._gone and name not in self._not_tested
         }
 
     def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
@@ -93,7 +93,7 @@ class Introductions:
         return sorted(
             f"{name} calls {service}, which no node serves"
             for name, services in self._clients().items()
-            if name not in self._strangers
+            if name not in self._not_tested
             for service in services
             if not node.count_services(service)
         )

@@ -103,34 +103,28 @@ class Systems:
         system = self._started(words, folder, name)
         system.note = note
         self.processes.append(system)
-        lacking = ""
 
         def lack() -> str:
-            # The graph may show what a node hears before it shows what the node publishes.
+            # The graph may show what a node subscribes to before what it publishes.
             hearing = {
                 topic: {g: n for g, n in self._subscribers(topic).items() if g not in known}
                 for topic, known in before.items()
             }
             answering = self._answers.connect()
-            strangers = self._introduce(dict(ChainMap(*hearing.values())))
+            unknown = self._introduce(dict(ChainMap(*hearing.values())))
             if not answering:
                 return f"does not publish on all of {', '.join(self._answers.names)}"
             if silent := [topic for topic, nodes in hearing.items() if not nodes]:
                 names = (t if t in TOPICS else t + suggestion(t, TOPICS) for t in silent)
                 return f"does not subscribe to {', '.join(names)}"
-            if strangers or self._unconnected() or not (hears or calm()):
+            if unknown or self._unconnected() or not (hears or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
             if isinstance(ready, str) and not re.search(ready, system.output, re.MULTILINE):
                 return f"has not printed {ready!r}"
             return "is not ready" if callable(ready) and not ready() else ""
 
-        def complete() -> bool:
-            nonlocal lacking
-            lacking = lack()
-            return not lacking
-
-        if late := self._await(complete, timeout, self._unpublished, _POLL_PERIOD):
-            raise self._failure_of(system, "silent", f"{lacking} {late}")
+        if lacking := self._await(lack, timeout, self._unpublished, _POLL_PERIOD):
+            raise self._failure_of(system, "silent", lacking)
         return system
 
     def _started(self, words: list[str], folder: Path | None, name: str) -> SystemUnderTest:
@@ -147,20 +141,22 @@ class Systems:
             what = f"{error.filename or name} cannot be started: {error.strerror}"
             raise SystemUnderTestError(name, "died", what) from None
 
-    def connected(self) -> bool:
-        """Return whether drill, test and nodes know each other, as far as they are discovered."""
-        return not self._introduce() and not self._unconnected()
-
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
-        if not self._collector.until(self.connected, _CONNECTION, self.check, _POLL_PERIOD):
-            raise LostMessagesError(
+
+        def lack() -> str:
+            if not self._introduce() and not self._unconnected():
+                return ""
+            return (
                 f"the drill is not connected to every subscriber and publisher{self._on_topics()}"
-                f" within {_CONNECTION:g} s"
             )
 
+        collector = self._collector
+        if lacking := collector.until_complete(lack, _CONNECTION, self.check, _POLL_PERIOD):
+            raise LostMessagesError(f"{lacking} within {_CONNECTION:g} s")
+
     def await_answerers(self) -> None:
-        """Wait until the nodes that shall answer are there, and know that the test hears them."""
+        """Wait until the nodes that shall answer are there, and know the test's subscriptions."""
         answers = self._answers
         if self._ended or not answers.declared:
             return
@@ -168,12 +164,13 @@ class Systems:
             self._check_publishers()
             return
 
-        def ready() -> bool:
-            return answers.connect() and self.connected()
+        def lack() -> str:
+            if answers.connect() and not self._introduce() and not self._unconnected():
+                return ""
+            return f"no publisher on {' and '.join(answers.names)}"
 
-        if late := self._await(ready, _START, self._unpublished, _POLL_PERIOD):
-            text = f"no publisher on {' and '.join(answers.names)} {late}"
-            raise self._failure(", ".join(answers.names), "silent", text, self.processes)
+        if lacking := self._await(lack, _START, self._unpublished, _POLL_PERIOD):
+            raise self._failure(", ".join(answers.names), "silent", lacking, self.processes)
         answers.introduced = True
         self._check_publishers()
 
@@ -182,36 +179,32 @@ class Systems:
         answers = self._answers
         if self._ended:
             return
-        late = self._await(
-            lambda: not answers.missing(stamp), answers.timeout, lambda: answers.never
-        )
-        if late:
-            text = (
-                f"no answer for {stamp / SECOND:.3f} s of simulation time {late} on "
-                f"{'; '.join(answers.missing(stamp))}"
-            )
+
+        def lack() -> str:
+            return "; ".join(answers.missing(stamp))
+
+        if lacking := self._await(lack, answers.timeout, lambda: answers.never):
+            text = f"no answer for {stamp / SECOND:.3f} s of simulation time on {lacking}"
             kind = "late" if answers.late(stamp) else "silent"
             raise self._failure(", ".join(answers.names), kind, text, self.processes)
 
     def await_commands(self) -> bool:
         """Wait until the drill has counted every command; return whether there was one."""
-        collector = self._collector
-        status = collector.own("status")
+        collector, status = self._collector, self._collector.own("status")
 
         def given() -> int:
             return sum(collector.own(name).commands for name in ALL_COMMAND_TOPICS)
 
-        def counted() -> bool:
+        def lack() -> str:
             latest = status.latest()
-            counts = latest.commands_accepted, latest.commands_rejected
-            return sum(map(int, counts)) >= given()
+            if latest.commands_accepted + latest.commands_rejected >= given():
+                return ""
+            return f"{given()} commands were given, and the drill has not got all of them"
 
         if not given():
             return False
-        if not collector.until(counted, _ACCEPTANCE, lambda: None):
-            raise LostMessagesError(
-                f"{given()} commands were given, and the drill has not got all of them"
-            )
+        if lacking := collector.until_complete(lack, _ACCEPTANCE, lambda: None):
+            raise LostMessagesError(lacking)
         return True
 
     def check(self) -> None:
@@ -228,24 +221,19 @@ class Systems:
         self.processes.clear()
 
     def _await(
-        self,
-        condition: Callable[[], object],
-        longest: float,
-        vain: Callable[[], bool],
-        *period: float,
+        self, lack: Callable[[], str], longest: float, vain: Callable[[], bool], *period: float
     ) -> str:
-        """Wait for what processes shall do; return in words how long, unless it was done.
+        """Wait for what processes shall do; return what they lack, and after how long.
 
         There is less time for what was in vain in a test before.
         """
         need = (longest, *self._answers.names, *(system.command for system in self.processes))
         known = need in self._silent
         limit = min(longest, _SILENT) if known else longest
-        if self._collector.until(condition, limit, self.check, *period):
-            return ""
-        if vain():
+        lacking = self._collector.until_complete(lack, limit, self.check, *period)
+        if lacking and vain():
             self._silent.add(need)
-        return f"within {limit:g} s{', as in a test before' if known else ''}"
+        return lacking and f"{lacking} within {limit:g} s{', as in a test before' if known else ''}"
 
     def _unpublished(self) -> bool:
         return not self._answers.connect()

@@ -126,7 +126,7 @@ class Actions:
             state = REFUSED if isinstance(error, RefusedError) else FAILED
             text = plain_refusal(str(error))
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            # Wrong arguments: the thread that hears the drill must not end by them.
+            # Wrong arguments: the thread of the drill must not end by them.
             state, text = REFUSED, plain_refusal(str(error))
         finally:
             self.running = ""
@@ -298,7 +298,7 @@ class LiveDrill:
 
 
 class LiveStore(Store):
-    """Drills of a domain; one thread hears each, however many pages show it.
+    """Drills of a domain; one thread listens to each, however many pages show it.
 
     A drill is heard from its first page on, so that later ones show its past. A page that names no
     drill shows that of ``namespace``, which may start later.
@@ -347,7 +347,7 @@ class LiveStore(Store):
             self._look()
         drill = self._heard(client)
         if drill.error:
-            raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
+            raise StoreError(f"the thread of {drill.namespace} has ended: {drill.error}")
         with drill.reading() as history:
             yield history, self._state(drill, history)
 

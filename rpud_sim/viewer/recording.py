@@ -132,6 +132,8 @@ class TimeLine:
             self.shifts.append(end - begun)
             end += max(run.end - begun, 0)
             begun = 0
+        # A forged origin is an OverflowError.
+        self.offsets(np.array([e.publish_time for run in self.runs for e in run.entries], np.int64))
 
     def number(self, published: int) -> int:
         """Return the number of the run of a message by its publishing time [ns], from 0."""
@@ -141,7 +143,7 @@ class TimeLine:
         """Return stamps of time zero that messages have by their publishing times [ns], (n,)."""
         numbers = np.searchsorted(self._starts, published, "right")
         found = np.empty(len(published), np.int64)
-        for number in np.unique(numbers).tolist():
+        for number in range(numbers.min(), numbers.max() + 1) if len(numbers) else ():
             chosen = numbers == number
             found[chosen] = self.runs[number].origins(published[chosen]) - self.shifts[number]
         return found
@@ -300,19 +302,19 @@ class RecordedBag:
         for number in self._held[drill][:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
             if found and self.readers[min(self._timed[drill])].stamped:
-                first = min(found, key=lambda rows: int(rows.stamps[0]))
-                return TimeLine(self._runs(drill, int(first.stamps[0])), first, self.begin)
+                return self._line(drill, min(found, key=lambda rows: int(rows.stamps[0])))
         return None
 
-    def _runs(self, drill: str, first: int) -> list[RecordedRun]:
-        """Return the runs of a drill; one for all if the journal does not show them."""
-        journal = f"{drill}/journal"
+    def _line(self, drill: str, first: Rows) -> TimeLine:
+        """Return the time line of a drill; of one run if the journal does not show its runs."""
+        journal, origin = f"{drill}/journal", int(first.stamps[0])
+        whole = [RecordedRun(str(self.path), journal, first_origin=origin)]
         try:
-            if journal in self.readers:
-                return runs_of(self.bag, journal)
-        except (BagError, RecordingError) as error:
+            runs = runs_of(self.bag, journal) if journal in self.readers else whole
+            return TimeLine(runs, first, self.begin)
+        except (BagError, OverflowError, RecordingError) as error:
             self.unknown[drill] = str(error)
-        return [RecordedRun(str(self.path), journal, first_origin=first)]
+            return TimeLine(whole, first, self.begin)
 
     def _timed_rows(self, drill: str, number: int) -> list[tuple[str, Rows]]:
         """Return what shows the time of a namespace in a chunk, by topic."""

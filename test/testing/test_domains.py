@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.processes import DomainClaim, applied, loopback_environment
+from rpud_sim.testing.processes import DomainClaim, loopback_environment
 
 CLAIM = "from rpud_sim.testing.processes import DomainClaim; print(DomainClaim().domain)"
 
@@ -62,10 +62,3 @@ def test_every_process_of_a_test_stays_on_loopback():
     assert "ROS_LOCALHOST_ONLY" not in environment
     profile = Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"])
     assert (profile.name, profile.is_file()) == ("fastdds_loopback.xml", True)
-
-
-def test_an_environment_is_applied_for_a_while():
-    before = dict(os.environ)
-    with applied({**before, "ROS_DOMAIN_ID": "3"}):
-        assert os.environ["ROS_DOMAIN_ID"] == "3"
-    assert dict(os.environ) == before

@@ -28,14 +28,6 @@ def test_least_mean_and_greatest_are_those_of_the_values(pairs, parts):
     assert bins.end == times.max()
 
 
-def test_bins_grow_with_the_run_and_take_no_more_memory():
-    bins = Bins(["x", "y"], 0.05, 64)
-    bins.add("x", np.arange(0.0, 100.0, 0.01), np.ones(10_000))
-    assert bins.width == pytest.approx(1.6)
-    assert bins.has("x")
-    assert not bins.has("y")
-
-
 def test_parts_stay_when_the_range_moves():
     bins = Bins(["x"], 0.05, 4096)
     bins.add("x", np.arange(0.0, 60.0, 0.01), np.sin(np.arange(0.0, 60.0, 0.01)))
@@ -104,28 +96,12 @@ def test_mean_and_band_are_those_of_the_part():
     )
 
 
-def test_a_single_high_peak_is_an_outlier_and_does_not_widen_the_band():
-    generator = np.random.default_rng(1)
-    peaks = generator.uniform(900.0, 1100.0, 1000)
-    peaks[500] = 43_800.0
-    spread = filled(np.linspace(0.0, 1.0, 1000), peaks).spread(0.0, 1.0, 1)
-    assert np.nanmax(spread["high"]) < 1200.0
-    assert spread["outliers"]["v"].tolist() == [np.float32(43_800.0)]
-
-
 def test_outliers_beyond_the_most_are_counted():
     peaks = np.where(np.arange(100_000) % 100, 1000.0, 9000.0)
     spread = filled(np.linspace(0.0, 1.0, 100_000), peaks).spread(0.0, 1.0, 1)
     assert len(spread["outliers"]["v"]) + spread["outliers"]["more"] == 1000
     assert len(spread["outliers"]["v"]) == module.MOST_OUTLIERS
-
-
-def test_times_without_impacts_have_no_value():
-    found = filled([0.1, 9.9], [1.0, 2.0])
-    spread = found.spread(0.0, 10.0, 10)
-    assert np.isnan(spread["mean"][3])
-    assert found.rate(0.0, 10.0, 10)["mean"][3] == 0.0
-    assert np.isnan(Impacts().spread(0.0, 1.0, 4)["mean"]).all()
+    assert np.nanmax(spread["high"]) < 1200.0  # they do not widen the band
 
 
 def test_of_many_impacts_every_second_stays_and_the_rate_is_right(monkeypatch):

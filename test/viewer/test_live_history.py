@@ -151,18 +151,6 @@ def test_a_command_that_is_heard_before_its_time_is_a_step(history, frame):
     assert frame()["steps"]["weight_on_bit"]["v"].tolist() == [8.0, 20.0]
 
 
-def test_a_quantity_that_is_new_is_drawn_at_once(history, frame):
-    # Plots are made once a second, after the messages, which are put in the bins of the whole run.
-    for passed, depth in ((10.0, math.nan), (1.0, None), (0.5, math.nan), (0.4, 0.1), (0.1, None)):
-        if depth is not None:
-            history.latched("status", status(SECOND, depth=depth))
-        shown = frame(passed)
-    assert "plots" not in shown
-    shown = frame(0.5)
-    assert shown["plots"][-1]["choices"][0]["id"] == "depth"
-    assert "depth" in shown["view"]["layers"]
-
-
 def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, frame):
     block = 1e-4, tuple(np.full(200, number) for number in range(6))
     hear(history, "reacting_force", 0, 1.0)
@@ -312,11 +300,6 @@ def test_near_the_band_has_most_impacts_and_far_all_of_them(long_run):
     assert far["low"][1] == 0.0
     assert far["high"][1] == 999.0
     assert far["t"][0] == pytest.approx(10.0, abs=1.0)
-
-
-def test_parts_of_the_peak_force_are_as_long_where_little_was_heard(long_run):
-    layers = long_run.view(-9990.0, 10.1, 10_000, {"peak_force": "band"})["layers"]
-    assert len(layers["peak_force"]["t"]) <= 4
 
 
 def test_a_number_that_a_status_says_is_that_of_the_latest_one(history):

@@ -152,10 +152,21 @@ def test_a_run_after_a_reset_follows_the_one_before(tmp_path):
     ]  # fmt: skip
 
 
-def test_a_journal_that_shows_no_runs_is_named(tmp_path):
+@pytest.mark.parametrize(
+    "entries",
+    [
+        [("weight_on_bit", {"force": 3.0})],
+        [
+            ("begin", Beginning(Settings()).to_journal()),
+            *(("origin", {"origin": origin}) for origin in (0, -(10**30))),
+        ],
+    ],
+)
+def test_a_journal_that_shows_no_runs_is_named(tmp_path, entries):
     recorder = ForceRecorder(tmp_path / "bag")
-    recorder.tell(0, "weight_on_bit", 0, 0, force=3.0)
-    recorder.write(rows_of(100, stamp=SECOND))
+    for number, (kind, content) in enumerate(entries):
+        recorder.tell(number, kind, 0, 0, **content)
+    recorder.write([(number + 1, stamp, force) for number, stamp, force in rows_of(100, SECOND)])
     recorder.close()
     frame = first_frame(recorder.path)
     assert "Its runs are not known" in frame["notice"]

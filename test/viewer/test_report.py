@@ -13,7 +13,6 @@ from viewer.recorded_bags import rewritten
 import rpud_sim.bag
 import rpud_sim.viewer
 from rpud_sim.bag.metadata import VERDICT_RECORD, RunVerdict
-from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.changes import Change
@@ -139,10 +138,3 @@ def test_modules_can_be_joined_for_their_names_are_unique():
         )
     assert len(names) > 50
     assert [name for name, count in names.items() if count > 1] == []
-
-
-def test_a_file_that_exists_is_kept(bag, tmp_path):
-    (tmp_path / "out.html").write_text("mine")
-    with pytest.raises(RecordingError, match="exists"):
-        write_report(bag, tmp_path / "out.html")
-    assert (tmp_path / "out.html").read_text() == "mine"

@@ -194,15 +194,6 @@ def test_only_what_changed_is_sent(store):
     assert store.frame(client).keys() == {"view", "steps"}
 
 
-def test_a_command_that_is_read_later_is_in_a_near_view(drill_bag):
-    with RecordedStore(drill_bag) as store:
-        client = ClientState(view=View(None, 0.5, 0.6), playhead=0.5)
-        store.open(client)
-        assert store.frame(client)["steps"]["weight_on_bit"]["v"].tolist() == [8.0]
-        store.histories[DRILL].add_entry(0.55, "weight_on_bit", {"force": 20.0})
-        assert store.frame(client)["steps"]["weight_on_bit"]["v"].tolist() == [8.0, 20.0]
-
-
 def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
     numbers = itertools.count()
     path = altered(

@@ -10,7 +10,7 @@ export function setQuantities(list) {
   for (const quantity of list) table.set(quantity.name, quantity);
 }
 
-/** Return a quantity of the table, or one without a unit for the signal of a stranger's bag.
+/** Return a quantity of the table, or one without a unit for the signal of another program.
  * @param {string} name @returns {import("./frames.js").Quantity} */
 export function quantityOf(name) {
   const plain = { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };

@@ -81,7 +81,8 @@ def test_a_system_that_dies_is_a_verdict_with_its_last_lines(flight):
 def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending, text):
     outcome = flight(how, patience=2.0)
     assert outcome.ending == ending
-    assert "no answer for 0.400 s of simulation time within 2 s" in outcome.text
+    assert "no answer for 0.400 s of simulation time on " in outcome.text
+    assert " within 2 s" in outcome.text
     assert text in outcome.text
     assert outcomes(outcome)["system under test"] == FAILED
 
