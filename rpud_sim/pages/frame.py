@@ -56,6 +56,7 @@ def picture(
     from cycler import cycler
     from matplotlib import rc_context
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullLocator
 
     found = colors()
     style: Any = {
@@ -84,6 +85,11 @@ def picture(
         figure = Figure((width / 72, height / 72), layout="constrained")
         axes = figure.add_subplot()
         draw(axes)
+        for axis in (axes.xaxis, axes.yaxis):
+            if axis.get_scale() == "log":
+                axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5), numticks=9))
+                axis.set_major_formatter(lambda value, _: f"{value:g}")
+                axis.set_minor_locator(NullLocator())
         handles, labels = axes.get_legend_handles_labels()
         if len(labels) > 1:
             figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))

@@ -77,7 +77,7 @@ def test_each_sample_has_its_stamp_and_the_account_stands_beside_them(bag, tmp_p
     table = tmp_path / "out" / "rpud.trajectory.parquet"
     found = pq.read_table(table)["time"].cast("int64").to_numpy()
     numbers = range(rebuilt.first, rebuilt.first + rebuilt.count)
-    assert found.to_pylist() == [rebuilt.origin + round(n * 1e9 / 30_000) for n in numbers]
+    assert found.tolist() == [rebuilt.origin + round(n * 1e9 / 30_000) for n in numbers]
     account = json.loads((tmp_path / "out" / "export.json").read_text())
     assert account.items() >= vars(rebuilt).items()
     assert account["columns"]["free_mass_velocity"]["unit"] == "m/s"

@@ -180,9 +180,8 @@ def difference_picture(found: Comparison, number: int) -> Picture | None:
     differences = _of_window(found, number)
     if not any(math.isfinite(each.relative) for each in differences):
         return None
-    # Values beside each row: right ends in points, headings, and texts of the rows.
-    columns = ((70, "A"), (140, "B"), (215, "difference"), (335, "95 % interval"))
-    cells = [texts(each) for each in differences]
+    # Values beside each row, below their headings.
+    beside = [("A", "B", "difference", "95 % interval"), *(texts(each) for each in differences)]
 
     def draw(axes: Axes) -> None:
         if found.tolerance:
@@ -204,12 +203,13 @@ def difference_picture(found: Comparison, number: int) -> Picture | None:
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.4, -0.6)
         axes.set_xlabel("difference [%]")
-        for column, (place, heading) in enumerate(columns):
-            beside = [(-1, heading), *((row, each[column]) for row, each in enumerate(cells))]
-            for row, text in beside:
+        place = 0  # of the right end of a column [points]
+        for column in zip(*beside, strict=True):
+            place += 6 * max(map(len, column)) + 14
+            for row, text in enumerate(column):
                 axes.annotate(
                     printable(text),
-                    (1.0, row),
+                    (1.0, row - 1.0),
                     (place, 0),
                     axes.get_yaxis_transform(),
                     "offset points",
