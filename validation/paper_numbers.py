@@ -35,7 +35,7 @@ def _number(
 
 
 def _force(label: str, share: float, paper: float, statement: str) -> Number:
-    measure = Measure("contact_force", 0.0, _SHORT, share)
+    measure = Measure("peak_force", 0.0, _SHORT, share)
     return Number(label, "drilling", measure, paper, statement)
 
 

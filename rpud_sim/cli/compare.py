@@ -19,6 +19,10 @@ _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, be
 _MOST_LINES = 40  # of a table of settings; the page and --json have all
 
 
+def _each(name: str, metavar: str = "N") -> dict[str, Any]:
+    return {"flag": f"--{name}", "action": "append", "metavar": metavar}
+
+
 @command(
     "compare",
     "bags/before bags/after --tolerance 5 --out compare.html",
@@ -29,49 +33,14 @@ _MOST_LINES = 40  # of a table of settings; the page and --json have all
     JSON,
     bag=positional("A", "bag of the reference: a folder or one MCAP file"),
     other=positional("B", "bag to compare with it"),
-    begin=option(
-        0.0,
-        "compare distributions from this simulation time on (default: 0)",
-        SECONDS,
-        flag="--from",
-    ),
-    end=option(
-        None,
-        "compare distributions up to this simulation time (default: end of the shorter run)",
-        SECONDS,
-        flag="--to",
-    ),
-    settle=option(
-        0.5,
-        "leave out so much time after the start, and after each command and fault "
-        "(default: %(default)s)",
-        SECONDS,
-    ),
-    tolerance=option(
-        None,
-        "relative difference that does not matter: decide whether runs are equivalent",
-        _PERCENT,
-    ),
-    run_numbers=option(
-        (),
-        "run in a bag with several, from 1; give it once, or once for each bag",
-        RUN,
-        flag="--run",
-        action="append",
-    ),
-    namespaces=option(
-        (),
-        "drill in a bag with several; give it once, or once for each bag",
-        flag="--namespace",
-        action="append",
-        metavar="NAME",
-    ),
+    begin=option(0.0, "compare figures from this simulation time on", SECONDS, flag="--from"),
+    end=option(None, "up to this time (default: end of the shorter run)", SECONDS, flag="--to"),
+    settle=option(0.5, "leave out so much after start, commands and faults", SECONDS),
+    tolerance=option(None, "difference that does not matter: are they equivalent?", _PERCENT),
+    run_numbers=option((), "run of a bag with several; once, or for each bag", RUN, **_each("run")),
+    namespaces=option((), "drill of a bag with several, likewise", **_each("namespace", "NAME")),
     quantities=option(
-        (),
-        "compare only this quantity, such as peak_force; can be repeated (default: all)",
-        flag="--quantity",
-        action="append",
-        metavar="NAME",
+        (), "compare only this, such as peak_force; repeatable", **_each("quantity", "NAME")
     ),
     out=option(None, "also write a page: a new HTML file", metavar="FILE"),
 )

@@ -24,31 +24,19 @@ if TYPE_CHECKING:
     "Without a change the new bag equals the rest of the recorded one, bit for bit. A recorded "
     "change after the instant is repeated, unless the fork has its own; a live drill repeats none.",
     BAG,
-    at=required(
-        "instant of the fork: simulation time since the beginning of the run", quantity=SECONDS
-    ),
+    at=required("instant of the fork: simulation time since the run began", quantity=SECONDS),
     duration=option(
-        None,
-        "go on for that many seconds (default: to the end of the recorded run; live: until "
-        "SIGINT or SIGTERM)",
-        POSITIVE_SECONDS,
+        None, "go on so long (default: to the recorded end, or SIGINT)", POSITIVE_SECONDS
     ),
-    assignments=option(
-        (), "another value of a parameter from the instant on; can be repeated", **ASSIGNMENT
-    ),
+    assignments=option((), "another value of a parameter; can be repeated", **ASSIGNMENT),
     inject=option(
         (),
-        "inject a fault at the instant; keys are channel, magnitude, duration and onset, the "
-        "seconds from the instant to the fault; can be repeated",
+        "inject a fault; keys are channel, magnitude, duration and onset, the seconds from the "
+        "instant to the fault; can be repeated",
         action="append",
         metavar="KIND[,KEY=VALUE...]",
     ),
-    commands=option(
-        None,
-        "a scenario with faults, and with commands that replace the recorded ones; its times "
-        "count from the instant",
-        metavar="FILE",
-    ),
+    commands=option(None, "faults, and commands in place of the recorded ones", metavar="FILE"),
     out=option(None, "write a new bag; with --live record it", metavar="DIR"),
     live=option(False, "go on as a drill node, on ROS topics"),
     run=run_number_option(),

@@ -18,7 +18,7 @@ SPECIFICATION = {
     "duration": 10.0,
     "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
 }
-CHUNKS = 32
+CHUNKS = 16
 
 
 def descendants(pid):
@@ -86,8 +86,8 @@ def test_a_killed_sweep_goes_on_where_it_was(spec, made, tmp_path, process):
     again = rpud("sweep", spec, "--out", out, "--workers", 2, "--json")
     assert again.returncode == 0, again.stderr  # a slow machine shows progress there
     printed = json.loads(again.stdout)
-    assert printed["kept"] == 2 * len(kept)
-    assert printed["run"] == 64 - 2 * len(kept)
+    assert printed["kept"] == 4 * len(kept)
+    assert printed["run"] == 64 - 4 * len(kept)
     assert same(out, made[0])
 
 

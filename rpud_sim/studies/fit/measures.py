@@ -29,7 +29,7 @@ _BUFFERS = Buffers()
 
 # Values of single impacts, with the field of their record and unit, for a statistic over them.
 IMPACT_VALUES = {
-    "contact_force": ("peak_force", "N"),
+    "peak_force": ("peak_force", "N"),
     "contact_duration": ("contact_duration", "s"),
     "impact_velocity": ("impact_velocity", "m/s"),
     "impact_energy": ("energy", "J"),

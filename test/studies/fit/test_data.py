@@ -36,22 +36,22 @@ def test_impacts_of_a_csv_file_become_targets_with_their_sampling_errors(tmp_pat
     found = from_data(tmp_path, csv="drill.csv", skip=1.0)
     targets = {str(target.measure): target for target in found.targets}
     kept = forces[times >= times[0] + 1.0]
-    mean = targets["contact_force, mean, 1 to 6 s"]
+    mean = targets["peak_force, mean, 1 to 6 s"]
     assert mean.value == pytest.approx(kept.mean(), rel=1e-3)
     assert mean.sampling == pytest.approx(kept.std() / np.sqrt(len(kept)), rel=0.7)
     assert targets["drill_tool_impact_rate, 1 to 6 s"].value == pytest.approx(200.0, rel=0.05)
-    assert targets["contact_force, 95 % quantile, 1 to 6 s"].value > mean.value
+    assert targets["peak_force, 95 % quantile, 1 to 6 s"].value > mean.value
 
 
 def test_a_bag_gives_impacts_and_reacting_force():
     found = from_data(BAG.parent, bag=BAG.name, parameters={"regime": "drilling"}, skip=0.2)
     figures = {target.measure.figure for target in found.targets}
-    assert {"contact_force", "drill_tool_impact_rate", "reacting_force_mean"} <= figures
+    assert {"peak_force", "drill_tool_impact_rate", "reacting_force_mean"} <= figures
     assert all(target.tolerance > 0.0 for target in found.targets)
     assert {target.parameters for target in found.targets} == {(("regime", "drilling"),)}
     with bag.open(BAG) as opened:
         impacts = opened.arrays("/rpud/contact_force")
-    mean = next(t for t in found.targets if str(t.measure).startswith("contact_force, mean"))
+    mean = next(t for t in found.targets if str(t.measure).startswith("peak_force, mean"))
     kept = impacts["header.stamp"] >= impacts["header.stamp"].min() + 200_000_000
     assert mean.value == pytest.approx(impacts["peak_force"][kept].mean(), rel=0.05)
 

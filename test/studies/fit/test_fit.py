@@ -29,7 +29,7 @@ FIT = {
     "repeat": 2,
     "targets": [
         {"figure": "reacting_force_mean", "window": 0.5, "value": 15.0, "tolerance": "4 %"},
-        {"figure": "contact_force", "window": 0.5, "value": 1000.0, "tolerance": "4 %"},
+        {"figure": "peak_force", "window": 0.5, "value": 1000.0, "tolerance": "4 %"},
         {
             "figure": "kinetic_energy_rate",
             "window": 0.5,

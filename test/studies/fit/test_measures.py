@@ -40,7 +40,7 @@ def test_the_figures_of_a_whole_run_are_those_of_simulate():
 
 def test_the_figures_of_the_papers_windows_are_those_of_the_trajectory():
     measures = {
-        "contact_force_low": Measure("contact_force", 0.0, 0.6, 0.05),
+        "contact_force_low": Measure("peak_force", 0.0, 0.6, 0.05),
         "contact_force_max": Measure("contact_force_max", 0.0, 0.6),
         "kinetic_energy": Measure("kinetic_energy", 0.0, 0.6),
         "nodal_plane_displacement": Measure("nodal_plane_displacement", 0.0, 0.6),
@@ -96,7 +96,7 @@ def test_a_single_contact_needs_no_run():
 
 def test_a_figure_that_a_run_cannot_have_is_missing():
     still = Configuration(preset("drilling").replace(vibration_amplitude=0.0))
-    found = measure(still, 0.0, [Measure("contact_force", 0.1, 0.2)])
+    found = measure(still, 0.0, [Measure("peak_force", 0.1, 0.2)])
     assert math.isnan(found[0])
 
 

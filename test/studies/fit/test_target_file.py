@@ -42,7 +42,7 @@ unknowns:
 seed: 3
 phase_spread: 0.1
 targets:
-  - {figure: contact_force, statistic: quantile 0.05, window: 0.6, value: 400, tolerance: 20}
+  - {figure: peak_force, statistic: quantile 0.05, window: 0.6, value: 400, tolerance: 20}
   - figure: contact_peak_force
     parameters: {regime: drilling}
     value: 1650
@@ -87,7 +87,7 @@ targets:
         (target(value=0), "targets[0].tolerance = '5 %' of 0 is no tolerance above 0"),
         (target(statistic="mean"), "statistic: reacting_force_mean has none"),
         (
-            target(figure="contact_force", statistic="median"),
+            target(figure="peak_force", statistic="median"),
             "statistic = 'median' is neither mean",
         ),
         (
@@ -97,7 +97,7 @@ targets:
         (target(window=0), "targets[0].window = 0 begins at 0 s and ends at 0 s"),
         (target(window=[1, 2, 3]), "targets[0].window = [1, 2, 3] has 3 entries, not 2"),
         (
-            target(figure="contact_force", statistic="quantile 2"),
+            target(figure="peak_force", statistic="quantile 2"),
             "targets[0].statistic = 2 is outside its range [0, 1]",
         ),
         (target(parameters={"gravity": -1}), "targets[0].parameters.gravity = -1 m/s^2 is outside"),
