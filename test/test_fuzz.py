@@ -14,7 +14,7 @@ pytestmark = pytest.mark.extended
 
 NEVER_REFUSED = {
     *("get_parameters", "get_parameter_types", "describe_parameters", "list_parameters"),
-    *("list_faults", "simulation/get_state", "simulation/get_delivery", "engage"),
+    *("list_faults", "get_journal", "simulation/get_state", "simulation/get_delivery", "engage"),
 }
 
 
@@ -39,7 +39,10 @@ def test_hostile_inputs_are_refused_with_a_reason_and_harm_nothing(drill):
     [
         (lambda drill: 1 / 0, "ZeroDivisionError: division by zero"),
         (lambda drill: "one\ntwo", "the reason is not one line: 'one\\ntwo'"),
-        (lambda drill: drill.do(lambda live: live.pause()) or "no", "but the state has changed"),
+        (
+            lambda drill: drill.do(lambda live: live.timeline.pause()) or "no",
+            "but the state has changed",
+        ),
     ],
 )
 def test_an_input_that_harms_is_found(drill, monkeypatch, way, harm):

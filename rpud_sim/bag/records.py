@@ -33,6 +33,7 @@ DECLARATION_LIMIT = 16 * 2**20  # greatest record without messages, index or att
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression
 INDEX = struct.Struct("<HI")  # channel, length of the entries [bytes]
 # Beginning of a message's record; its bytes follow.
 HEAD = np.dtype(
@@ -122,7 +123,7 @@ def message_index(record: RawRecord) -> tuple[int, np.ndarray]:
     content = record.content
     if record.opcode == Opcode.MESSAGE_INDEX and len(content) >= INDEX.size:
         channel, length = INDEX.unpack_from(content)
-        if length % ENTRY.itemsize == 0 and INDEX.size + length <= len(content):
+        if length % ENTRY.itemsize == 0 and INDEX.size + length == len(content):
             return channel, np.frombuffer(content, ENTRY, length // ENTRY.itemsize, INDEX.size)
     raise BagFormatError("a chunk's message index is not where it should be")
 

@@ -38,6 +38,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.reader import BagReader, in_order, storage_files
 from rpud_sim.bag.records import (
+    CHUNK_HEAD,
     HEAD,
     MAGIC,
     MESSAGE,
@@ -57,12 +58,13 @@ from rpud_sim.bag.writer import BagWriter, whole_bag
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
 
+_LONGEST_NAME = 32  # of a compression [bytes]
 _SHOWN = 1000  # damages that are kept one by one
 _BLOCK = 1 << 20  # bytes that are searched together
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
 _EFFORT = 2**30  # bytes that a search may read, beside four times the file
 # A record that is worth finding: its kind, and a length below 4 GiB.
-_BEGINNING = re.compile(rb"[\x03-\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
+_BEGINNING = re.compile(rb"[\x03-\x07\x0c](?=.{4}\x00{4})", re.DOTALL)
 _OF_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 
 
@@ -206,11 +208,12 @@ class _TornFile:
                 elif (found := self._add(offset)) is not None:
                     kind, end = found
                     held = True
+                elif self._is_cut_off(offset):
+                    kind, end = 0, file.size
+                    self._damage(offset, end, "is a chunk that is cut off")
                 else:
                     kind, end = 0, self._next(offset + 1)
-                    torn = end == file.size and file.content(offset, 1) == bytes([Opcode.CHUNK])
-                    reason = "is a chunk that is cut off" if torn else "holds no whole record"
-                    self._damage(offset, end, reason)
+                    self._damage(offset, end, "holds no whole record")
                 progress(end - offset)
                 offset = end
             self._add_loose()
@@ -270,6 +273,20 @@ class _TornFile:
         except UNREADABLE:
             self._damage(offset, end, "is a chunk with what is no record")
         return True
+
+    def _is_cut_off(self, offset: int) -> bool:
+        """Return whether a chunk begins whose lengths agree, and reach beyond the file."""
+        head = self._file.head(offset)
+        if head is None or head[0] != Opcode.CHUNK or head[1] <= self._file.size:
+            return False
+        content = self._file.content(offset + RECORD.size, CHUNK_HEAD.size + _LONGEST_NAME + 8)
+        place = CHUNK_HEAD.size
+        if len(content) >= place:
+            place += CHUNK_HEAD.unpack_from(content)[-1]
+        if len(content) < place + 8:
+            return offset + RECORD.size + len(content) == self._file.size
+        size = int.from_bytes(content[place : place + 8], "little")
+        return offset + RECORD.size + place + 8 + size == head[1]
 
     def _add_loose(self) -> None:
         loose, self._loose = bytes(self._loose), bytearray()

@@ -130,6 +130,8 @@ def test_of_a_chunk_that_is_cut_off_nothing_is_taken(whole, tmp_path, compressio
     recovery, found = recovered(tmp_path, content[:cut])
     assert found == TEXTS[: (last.message_start_time - START) // 1_000_000]
     assert recovery.size_lost == last.chunk_length - 1
+    [damage] = recovery.damages
+    assert damage.endswith("is a chunk that is cut off")
 
 
 def test_channels_survive_the_loss_of_the_chunk_that_declares_them(whole, tmp_path):

@@ -113,11 +113,11 @@ class Drill:
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
         """Let its time stand still, for what no drill does while it plays."""
-        self.do(lambda live: live.pause())
+        self.do(lambda live: live.timeline.pause())
         try:
             yield
         finally:
-            self.do(lambda live: live.play())
+            self.do(lambda live: live.timeline.play())
 
     def state(self) -> tuple[Any, ...]:
         """All that a refused input must leave as it is."""
@@ -132,9 +132,9 @@ class Drill:
                 simulation.faults.forgotten,
                 run.control.active,
                 run.control.commands_lost,
-                live.playing,
-                live.at_start,
-                live.goal,
+                live.timeline.playing,
+                live.timeline.at_start,
+                live.timeline.goal,
             )
 
         parameters = self.node.get_parameters_by_prefix("")

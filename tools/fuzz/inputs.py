@@ -42,7 +42,6 @@ KNOWN: Mapping[str, Collection[Any]] = {  # values of fields, by their names
     "label": ("configure", "activate", "cleanup", "", *hostile.WORDS),
     "state": {*range(256)} - {SimulationState.STATE_QUITTING},
 }
-CHECKPOINTS = ("before", "after", "befor")
 
 Reason = str | None  # why it was refused, None where it was accepted
 Send = Callable[[random.Random, Drill], Reason]
@@ -190,9 +189,8 @@ WAYS: Mapping[str, Send] = {
     "simulation/step": _step("simulation/step", "duration"),
     "simulation/run_to": _step("simulation/run_to", "time"),
     "simulation/reset": _service("simulation/reset", _of_result),
-    "simulation/save": _service("simulation/save", _of_result, name=CHECKPOINTS),
-    "simulation/restore": _service("simulation/restore", _of_result, name=CHECKPOINTS),
+    "get_journal": _service("~/get_journal", _answered),
     "node": _node,
 }
 # Their share of the turns: these take milliseconds, and rclpy never frees all that a node took.
-RARE = {"node": 0.005, "simulation/reset": 0.2, "simulation/restore": 0.2}
+RARE = {"node": 0.005, "simulation/reset": 0.2}
