@@ -27,7 +27,7 @@ from rpud_sim.simulation.topics import PROVED, TOPICS
 JOURNAL = TOPICS["journal"].type
 
 _MOST_ENTRIES = 2_000_000  # of a journal, twice as many as a drill keeps
-END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
+_END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
 _BEYOND = 60 * SECOND  # of an entry after all messages: topics may be silent so long [ns]
 
 
@@ -138,20 +138,21 @@ class RecordedJournal:
             return origin + time <= self._latest + _BEYOND
         return time <= self._bag.duration + _BEYOND
 
-    def reached(self, window: tuple[int, int], *, last: bool) -> int | None:
-        """Return the greatest stamp of messages that were published in a window [ns].
+    def progress(self, window: tuple[int, int], *, at_end: bool) -> dict[str, np.ndarray]:
+        """Return the progress by topic of what was published in a window [ns].
 
-        Of the ``last`` run the end of the bag shows it. None if there is none.
+        ``at_end`` looks at the end of the bag alone.
         """
-        start = self._end_start if last else 0
-        shown = recorded_progress(self._bag, self._progress, start)
-        own = ((topic, found[within(found["published"], window)]) for topic, found in shown)
-        stamps = _latest((topic, found) for topic, found in own if len(found))
-        return agreed(stamps) if stamps else None
+        parts: dict[str, list[np.ndarray]] = {}
+        start = self._end_start if at_end else 0
+        for topic, found in recorded_progress(self._bag, self._progress, start):
+            if (own := within(found["published"], window)).any():
+                parts.setdefault(topic, []).append(found[own])
+        return {topic: np.concatenate(found) for topic, found in parts.items()}
 
     @property
     def _end_start(self) -> int:
-        return max(0, self._bag.duration - END_LENGTH)
+        return max(0, self._bag.duration - _END_LENGTH)
 
     @cached_property
     def _latest_at_end(self) -> int:

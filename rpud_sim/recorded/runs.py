@@ -6,7 +6,7 @@ A message belongs to the last run that had begun when it was published.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,9 +19,11 @@ from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
+    PROGRESS,
     RecordedEntry,
     RecordedJournal,
     UnverifiableError,
+    agreed,
     held_journals,
     progress_readers,
     recorded_progress,
@@ -39,6 +41,7 @@ from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.simulation.versions import engine_of, other_engine
 
 _EARLIEST, _LATEST = -(2**62), 2**62  # beyond all times [ns]
+_TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "end")
 
 
@@ -55,6 +58,9 @@ class RecordedRun:
     window: tuple[int, int] = (_EARLIEST, _LATEST)
     end: int = 0  # simulation time up to which the journal is complete [ns]
     torn: str = ""  # why it is not known how the run went on; empty if it is
+    known: int = _LATEST  # publishing time up to which the journal holds every entry [ns]
+    early: str = ""  # of a run that was not closed: where its journal ends
+    reached: int = _LATEST  # stamp up to which the bag should hold messages [ns]
     first_origin: int = 0  # stamp of simulation time zero where the journal has none [ns]
     manifest: Manifest | None = None
     warnings: tuple[str, ...] = ()  # what is not known of it, one line each
@@ -311,20 +317,55 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
     ]
     for run in found:
         journal.check(run.entries)
-    return [run if run.closed or run.torn else _up_to_its_end(run, journal) for run in found]
+    return [_to_its_end(run, journal) for run in found]
 
 
-def _up_to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:
-    """Return a run that was not closed with the time that it reached, at the end of a block."""
-    if wrong := wrong_header(run.entries):
+def _to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:
+    """Return a run with what messages show of its end, at the end of a block if it is not closed.
+
+    The last second of a recording shows nothing: when a recorder closes, messages of some topics
+    are still on their way. If the drill ended first, its last status shows the end.
+    """
+    last = run.number == run.runs
+    if run.torn:
+        run = replace(run, known=run.entries[-1].publish_time - 1)
+    elif not run.closed and (wrong := wrong_header(run.entries)):
         number = wrong.recorded.entry.sequence
         reason = f"{wrong.field} of entry {number} is {wrong.value}, not {wrong.right}"
-        return replace(run, torn=f"{run.journal}: {reason}")
-    stamp = journal.reached(run.window, last=run.number == run.runs)
+        run = replace(run, torn=f"{run.journal}: {reason}")
+    if not last and (run.closed or run.torn):
+        return run
+    by_topic = journal.progress(run.window, at_end=last)
+    shown = np.concatenate([np.empty(0, PROGRESS), *by_topic.values()])
+    arrived = shown[shown["log_time"] <= shown["log_time"].max(initial=0) - _TOPIC_DELAY * last]
+    if last:
+        # Two messages have to agree, so that one altered stamp changes nothing.
+        stamps = np.sort(arrived["stamp"])
+        stopped = shown["stamp"][shown["stopped"]] if run.closed else stamps[:0]
+        known = int(stamps[-2]) - 1 if len(stamps) > 1 else -1
+        run = replace(run, reached=max(known, int(stopped.max(initial=-1))))
+    if run.closed or run.torn:
+        return run
+    entries = run.entries[-1].entry.sequence + 1
+    counts = shown["entries"]
+    counted = int(counts.max(initial=0))  # entries, as a status counts them
+    confirmed = shown["published"][(counts >= 0) & (counts <= entries)]
+    if counted <= entries:  # complete but for the last second
+        confirmed = np.append(confirmed, arrived["published"])
+    early = f"the bag holds {entries} of its entries, and a status counts {counted or 'none'}"
+    return replace(
+        run,
+        end=max(run.end, _boundary(run, [int(each["stamp"].max()) for each in by_topic.values()])),
+        known=max(run.entries[-1].publish_time, int(confirmed.max(initial=0))),
+        early=f"the journal ends early: {early}",
+    )
+
+
+def _boundary(run: RecordedRun, stamps: Sequence[int]) -> int:
+    """Return the end of the last block of a run, by the greatest stamp of each topic [ns]."""
     try:
         rate = int(run.beginning["parameters"]["telemetry_rate"])
-        reached = run.end if stamp is None else max(run.end, stamp - run.origin)
-        end = boundary(boundaries_until(reached, rate), rate)
+        reached = max(run.end, agreed(stamps) - run.origin if stamps else 0)
+        return boundary(boundaries_until(reached, rate), rate)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise RecordingError(f"{run.journal} cannot be understood: {error!r:.100}") from None
-    return replace(run, end=max(run.end, end))

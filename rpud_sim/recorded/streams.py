@@ -241,50 +241,31 @@ class Matched(NamedTuple):
     second: Head | None = None
 
 
-def matched(
-    first: Cursor, second: Cursor, *, several_times: bool = False, latched: bool = False
-) -> Iterator[Matched]:
+def matched(first: Cursor, second: Cursor, *, several_times: bool = False) -> Iterator[Matched]:
     """Match the messages of two streams of one topic, both in order, by run, time and number.
 
     Either side may lack messages. Only those that follow show whether one is missing or altered, so
     two of each side are looked at. ``several_times`` says that messages hold other times than their
-    stamp. Messages of a ``latched`` topic may repeat.
+    stamp.
     """
-    latest: tuple[bytes, bytes] = b"", b""
     while True:
         if not (first.ready() and second.ready()):
             yield Matched()
             continue
-        count = _equal_count(first.held(), second.held(), several_times)
-        if count:
-            held = first.held()
-            assert held is not None
-            if latched:
-                latest = held.messages.message(count - 1), latest[1]
-                other = second.held()
-                latest = latest[0], other.messages.message(count - 1) if other else b""
+        if count := _equal_count(first.held(), second.held(), several_times):
             first.skip(count)
             second.skip(count)
             yield Matched(count)
             continue
-        one, other_one = first.head(), second.head()
-        if latched:
-            if one and one.data == latest[0]:
-                first.skip(1)
-                continue
-            if other_one and other_one.data == latest[1]:
-                second.skip(1)
-                continue
-        if one is None and other_one is None:
+        one, other = first.head(), second.head()
+        if one is None and other is None:
             return
         takes = _takes(first, second)
         if takes[0]:
             first.skip(1)
-            latest = one.data if one else b"", latest[1]
         if takes[1]:
             second.skip(1)
-            latest = latest[0], other_one.data if other_one else b""
-        yield Matched(first=one if takes[0] else None, second=other_one if takes[1] else None)
+        yield Matched(first=one if takes[0] else None, second=other if takes[1] else None)
 
 
 def _takes(first: Cursor, second: Cursor) -> tuple[bool, bool]:

@@ -21,9 +21,6 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.engine import EngineError
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
-    END_LENGTH,
-    PROGRESS,
-    ProgressReaders,
     UnverifiableError,
     held_journals,
     installed_codec,
@@ -49,7 +46,6 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVE
 _TAIL = 2 * SECOND
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _MOST_SUSPECTS = 10_000  # kept of a topic: further ones show nothing that these do not
-_LATEST = 2**62  # beyond all times [ns]
 _END = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 _COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
 
@@ -166,7 +162,6 @@ class _Proof:
                     self._codecs[name] = _proof_codec(summary)
         if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-        self._coverage = _Coverage(bag, runs)
 
     def run(self) -> None:
         for run in self._runs:
@@ -179,14 +174,16 @@ class _Proof:
         comparisons = self._compare()
         found = [suspect for each in comparisons.values() for suspect in each.suspects]
         torn = [run for run in self._runs if run.torn]
-        decided = [each for each in found if self._coverage.decides(each)]
+        # The journal holds all that could explain a message up to then.
+        decided = [each for each in found if each.published <= self._runs[each.run - 1].known]
         older = sum(
             c.counts["before"] for name, c in comparisons.items() if not TOPICS[name].latched
         )
         if torn:
             self.undecided = f"cannot be decided: {torn[0].torn}"
         elif found and not decided:
-            self.undecided = self._coverage.reason(found)
+            early = self._runs[found[0].run - 1].early
+            self.undecided = f"{early}. {len(found)} messages after it are not as computed"
         elif older:
             self.undecided = f"{older} messages are of before the journal begins"
         self.differences += [each.difference for each in decided]
@@ -200,11 +197,12 @@ class _Proof:
     def _compare(self) -> dict[str, _TopicProof]:
         computed = TopicStreams(self._computed)
         recorded = TopicStreams(self._bag.batches)
+        complete = _complete_from(self._bag, self._runs)
         proofs, readers = {}, []
         for name, codec in self._codecs.items():
             full = self._runs[0].topic(name)
             streams = computed.stream(full), recorded.stream(full)
-            proofs[name] = _TopicProof(TOPICS[name].latched, self._coverage)
+            proofs[name] = _TopicProof(self._runs, complete)
             cursors = [Cursor(self._keyed(stream), codec) for stream in streams]
             readers.append((proofs[name].compare(*cursors), streams))
         try:
@@ -285,21 +283,21 @@ class _Suspect(NamedTuple):
 
     difference: MessageDifference  # how it differs
     run: int  # number of its run
-    publish_time: int  # [ns]
+    published: int  # when [ns]
 
 
 class _TopicProof:
     """Comparison of one topic's computed messages with its recorded ones."""
 
-    def __init__(self, latched: bool, coverage: _Coverage) -> None:
+    def __init__(self, runs: Sequence[RecordedRun], complete_from: tuple[int, int]) -> None:
         self.counts = Counter[str]()  # as of ``Counts``
         self.suspects: list[_Suspect] = []
-        self._latched, self._coverage = latched, coverage
+        self._runs, self._complete_from = runs, complete_from
         self._missing = 0  # computed messages skipped since the last recorded one
 
     def compare(self, computed: Cursor, recorded: Cursor) -> Iterator[None]:
         """Compare all messages, step by step."""
-        for step in matched(computed, recorded, latched=self._latched):
+        for step in matched(computed, recorded):
             if step.equal:
                 self._match("equal", step.equal)
                 yield
@@ -344,10 +342,10 @@ class _TopicProof:
 
     def _is_after_the_end(self, computed: Head) -> bool:
         """Count a computed message after the last recorded one; whether the recording had ended."""
-        position = computed.run, computed.log_time  # at the end of its block
-        if position > self._coverage.reached:
+        time = computed.log_time  # at the end of its block
+        if time > self._runs[computed.run - 1].reached:
             return True
-        if self._matched or position > self._coverage.begun:
+        if self._matched or (computed.run, time) > self._complete_from:
             # Skipped ones lie before an unexpected message here, so they are missing at the end.
             self.counts["tail"] += self._missing * self._matched + 1
             self._missing = 0
@@ -363,80 +361,10 @@ class _TopicProof:
             self.suspects.append(_Suspect(found, recorded.run, recorded.publish_time))
 
 
-class _Coverage:
-    """Part of the runs that a bag covers.
-
-    The last second of a recording shows nothing about its end: when a recorder closes, messages of
-    some topics are still on their way. If the drill ended first, its last status shows the end.
-    """
-
-    def __init__(self, bag: BagReader, runs: Sequence[RecordedRun]) -> None:
-        last = runs[-1]
-        readers = progress_readers(bag, last.prefix)
-        start = max(0, bag.duration - END_LENGTH)
-        progress = [found for _, found in recorded_progress(bag, readers, start)]
-        found = np.concatenate([np.empty(0, PROGRESS), *progress])
-        found = found[last.holds(found["published"])]
-        end = int(found["log_time"].max(initial=0))
-        counted = found["log_time"] <= max(0, end - _TOPIC_DELAY)
-        position = last.number, -1
-        if last.closed and found["stopped"].any():
-            stop = found[found["stopped"]]
-            position = last.number, int(stop["stamp"].max())
-        # Two messages have to agree, so that one altered stamp changes nothing.
-        stamps = np.sort(found["stamp"][counted])
-        if len(stamps) > 1:
-            position = max(position, (last.number, int(stamps[-2]) - 1))
-        elif last.number > 1:
-            position = max(position, (last.number - 1, _LATEST))
-        self.reached: tuple[int, int] = position  # run, and the stamp in it [ns]
-        # From here on, the bag should hold a topic that it holds at all.
-        self.begun = self._begun(bag, readers, runs)
-        # Publishing time up to which the journal holds every entry of each run [ns].
-        self._until = {run.number: _LATEST for run in runs}
-        self._early: dict[int, str] = {}  # of each run whose journal ends early
-        for run in runs:
-            if run.torn:
-                self._until[run.number] = run.entries[-1].publish_time - 1
-            elif not run.closed:
-                # A recorder that went on after the run's end got all that was on its way.
-                whole = recorded_progress(bag, readers, 0) if run is not last else ()
-                shown = np.concatenate([found, *(each for _, each in whole)])
-                shown = shown[run.holds(shown["published"])]
-                self._look(run, shown, counted if run is last else np.ones(len(shown), bool))
-
-    def _look(self, run: RecordedRun, shown: np.ndarray, arrived: np.ndarray) -> None:
-        """Look for the end of the journal of a run that was not closed.
-
-        ``arrived`` are the messages of which every entry before is in the bag, if it is recorded.
-        """
-        entries = run.entries[-1].entry.sequence + 1
-        counts = shown["entries"]
-        counted = int(counts.max(initial=0))  # entries, as a status counts them
-        confirmed = shown["published"][(counts >= 0) & (counts <= entries)]
-        until = max(run.entries[-1].publish_time, int(confirmed.max(initial=0)))
-        if counted <= entries:
-            until = max(until, int(shown["published"][arrived].max(initial=0)))
-        self._until[run.number] = until
-        self._early[run.number] = (
-            f"the journal ends early: the bag holds {entries} of its entries, and a status counts "
-            f"{counted or 'none'}"
-        )
-
-    def decides(self, suspect: _Suspect) -> bool:
-        """Whether the journal holds all that could explain a message."""
-        return suspect.publish_time <= self._until[suspect.run]
-
-    def reason(self, suspects: Sequence[_Suspect]) -> str:
-        """Return why suspects, none of which is decided, cannot be."""
-        early = self._early.get(suspects[0].run, "")
-        return f"{early}. {len(suspects)} messages after it are not as computed"
-
-    @staticmethod
-    def _begun(
-        bag: BagReader, readers: ProgressReaders, runs: Sequence[RecordedRun]
-    ) -> tuple[int, int]:
-        for _, found in recorded_progress(bag, readers, _TOPIC_DELAY):
-            number = sum(run.window[0] <= found["published"][0] for run in runs)
-            return number, int(found["stamp"][0])
-        return len(runs) + 1, 0
+def _complete_from(bag: BagReader, runs: Sequence[RecordedRun]) -> tuple[int, int]:
+    """Return run and stamp from which on a bag should hold a topic that it holds at all [ns]."""
+    readers = progress_readers(bag, runs[0].prefix)
+    for _, found in recorded_progress(bag, readers, _TOPIC_DELAY):
+        number = sum(run.window[0] <= found["published"][0] for run in runs)
+        return number, int(found["stamp"][0])
+    return len(runs) + 1, 0

@@ -19,7 +19,7 @@ from rpud_sim.recorded.streams import (
     difference,
     matched,
 )
-from rpud_sim.simulation.topics import PROVED, TOPICS
+from rpud_sim.simulation.topics import PROVED
 
 EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
 
@@ -125,10 +125,7 @@ def _read(
 def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[None, None, Compared]:
     """Compare up to the first difference."""
     equal = 0
-    steps = matched(
-        first, second, several_times=topic in _SEVERAL_TIMES, latched=TOPICS[topic].latched
-    )
-    for step in steps:
+    for step in matched(first, second, several_times=topic in _SEVERAL_TIMES):
         one, other = step.first, step.second
         if step.equal:
             equal += step.equal
