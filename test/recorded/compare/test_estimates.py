@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ttest_ind
 from support import examples
@@ -43,8 +43,6 @@ def test_the_error_is_the_spread_of_means(memory, count):
     )
     assert np.median(errors) == pytest.approx(1.0 / (1.0 - memory) / math.sqrt(count), rel=0.2)
     assert 8 <= min(batches) <= max(batches) <= 32
-
-
 
 
 def values(count, mean=100.0, seed=0):
