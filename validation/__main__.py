@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.cli.output import progress_bar
+from rpud_sim.cli.program import progress_bar
 from rpud_sim.foundation.whole_folder import whole_file
 from validation.page import page
 from validation.results import Effort, run_validation

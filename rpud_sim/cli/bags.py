@@ -8,8 +8,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import BAG, JSON, command, run_number_option
-from rpud_sim.cli.output import print_result, progress_bar
-from rpud_sim.cli.program import ExitCode
+from rpud_sim.cli.program import ExitCode, print_result, progress_bar
 from rpud_sim.foundation.options import (
     duration_option,
     option,

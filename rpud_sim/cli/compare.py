@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import JSON, RUN, command
-from rpud_sim.cli.output import print_result, progress_bar
-from rpud_sim.cli.program import ExitCode
+from rpud_sim.cli.program import ExitCode, print_result, progress_bar
 from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable, table

@@ -21,12 +21,19 @@ from rpud_sim.cli.options import (
     options_from,
     split_ros_arguments,
 )
-from rpud_sim.cli.output import progress_bar, status_line
-from rpud_sim.cli.program import CommandError, ExitCode, failing, report_errors, run_program
+from rpud_sim.cli.program import (
+    CommandError,
+    ExitCode,
+    failing,
+    progress_bar,
+    report_errors,
+    run_program,
+    status_line,
+)
 from rpud_sim.foundation.options import parent_flag
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.ros.record.record_options import RecordOptions
-from rpud_sim.ros.replay.replay_options import ReplayOptions
+from rpud_sim.ros.record.writing import RecordOptions
+from rpud_sim.ros.replay.playback import ReplayOptions
 
 _REPLAY_BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
 

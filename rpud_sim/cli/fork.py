@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import logging_above
 from rpud_sim.cli.options import ASSIGNMENT, BAG, command, run_number_option
-from rpud_sim.cli.output import print_result, progress_bar
-from rpud_sim.cli.program import ExitCode
+from rpud_sim.cli.program import ExitCode, print_result, progress_bar
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, option, required
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable

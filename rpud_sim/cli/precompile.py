@@ -29,7 +29,7 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from rpud_sim.kernels.processor import BASELINE, this_target
+    from rpud_sim.kernels.store import BASELINE, this_target
     from rpud_sim.model.compile import STORE
 
     target = this_target()

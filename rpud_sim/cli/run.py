@@ -23,7 +23,7 @@ from rpud_sim.foundation.options import (
     run_time_option,
 )
 from rpud_sim.foundation.terminal import complain, printable
-from rpud_sim.ros.record.record_options import RecordOptions
+from rpud_sim.ros.record.writing import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.drill_node import DrillNode

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import JSON, PARAMETERS, command, parameter_values
-from rpud_sim.cli.output import print_result, progress_bar
-from rpud_sim.cli.program import ExitCode
+from rpud_sim.cli.program import ExitCode, print_result, progress_bar
 from rpud_sim.foundation.options import option
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import cell, complain

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
-from rpud_sim.cli.output import print_result, progress_bar
-from rpud_sim.cli.program import CommandError, ExitCode, failing
+from rpud_sim.cli.program import CommandError, ExitCode, failing, print_result, progress_bar
 from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.whole_folder import whole_file

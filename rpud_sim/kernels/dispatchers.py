@@ -26,8 +26,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
-from rpud_sim.kernels.processor import this_target
-from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name
+from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, this_target
 
 # No fastmath: the same commands must give the same bits, in one call or in many. Kernels make no
 # arrays, so that those of the caller need not be counted as they are handed on.

@@ -12,8 +12,7 @@ from numba import typeof
 from numba.core import config, event
 
 from rpud_sim.kernels.dispatchers import kernel_compiler
-from rpud_sim.kernels.processor import notice, this_target
-from rpud_sim.kernels.store import KernelStore, user_folders
+from rpud_sim.kernels.store import KernelStore, notice, this_target, user_folders
 
 # Beside the package, so that an installation has its kernels for every user. Where that folder
 # cannot be written, each user keeps what was compiled.

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+import rpud_sim.verdicts.formulas as f
 from rpud_sim.bag import Kind
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.messages import NONE, FieldSamples, MissingMessages, get, time_of, to_floats
 from rpud_sim.verdicts.names import PERIODIC, PERIODIC_HOLD, TYPES, check_use, threshold
 from rpud_sim.verdicts.record import Record

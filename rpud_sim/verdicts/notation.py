@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import rpud_sim.verdicts.formulas as f
 from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
 from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
-from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
     NUMBER,

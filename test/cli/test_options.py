@@ -13,9 +13,9 @@ from rpud_sim.cli.options import (
     split_ros_arguments,
 )
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.record import record_options
-from rpud_sim.ros.record.record_options import RecordOptions
-from rpud_sim.ros.replay.replay_options import ReplayOptions
+from rpud_sim.ros.record import writing
+from rpud_sim.ros.record.writing import RecordOptions
+from rpud_sim.ros.replay.playback import ReplayOptions
 
 
 def parsed(kind, *words):
@@ -41,7 +41,7 @@ def test_the_defaults_of_the_command_line_are_those_of_the_options():
     assert replay("--clock", "100").clock == 100.0
     assert replay("--remap", "/a:=/b", "/a_1/b:=/c/d").remap == ["/a:=/b", "/a_1/b:=/c/d"]
     assert record("--max-bag-size", "1e6").max_bag_size == 1_000_000
-    assert set(record_options.COMPRESSIONS) == set(COMPRESSIONS)
+    assert set(writing.COMPRESSIONS) == set(COMPRESSIONS)
 
 
 @pytest.mark.parametrize(

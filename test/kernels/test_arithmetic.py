@@ -13,7 +13,7 @@ import json, re
 import llvmlite.binding as llvm
 from numba.core.codegen import get_host_cpu_features
 from rpud_sim.kernels import dispatchers
-from rpud_sim.kernels.processor import Target
+from rpud_sim.kernels.store import Target
 
 target = Target(llvm.get_host_cpu_name(), get_host_cpu_features())
 found = {}

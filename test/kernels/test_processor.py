@@ -2,8 +2,14 @@
 
 import pytest
 
-from rpud_sim.kernels.processor import BASELINE, BASELINE_FEATURES, Target, choose_target, notice
-from rpud_sim.kernels.store import KernelStore
+from rpud_sim.kernels.store import (
+    BASELINE,
+    BASELINE_FEATURES,
+    KernelStore,
+    Target,
+    choose_target,
+    notice,
+)
 
 ENOUGH = ",".join(f"+{name}" for name in sorted(BASELINE_FEATURES))
 

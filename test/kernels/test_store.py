@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.kernels.processor import BASELINE, Target, notice
-from rpud_sim.kernels.store import KernelStore, kernel_name, user_folders
+from rpud_sim.kernels.store import BASELINE, KernelStore, Target, kernel_name, notice, user_folders
 
 WHAT = ("room.f", "(float64,)", "x86-64-v2", "", "sources")
 NAME = kernel_name(*WHAT)

@@ -16,9 +16,8 @@ from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.record.drill_queries import JournalQuery, ParameterQuery
-from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake, WritingThread
+from rpud_sim.ros.record.writing import Intake, RecordOptions, WritingThread
 
 # Metadata record of topics that could not be recorded, with the reasons.
 SKIPPED_RECORD = "rpud_skipped"

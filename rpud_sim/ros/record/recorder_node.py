@@ -31,8 +31,7 @@ from rpud_sim.bag.metadata import Losses
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.endpoints import FollowedTopic, taken
 from rpud_sim.ros.graph import UnknownTypeError, message_class
-from rpud_sim.ros.record.record_options import RecordOptions
-from rpud_sim.ros.record.writing import Intake
+from rpud_sim.ros.record.writing import Intake, RecordOptions
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000

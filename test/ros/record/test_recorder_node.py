@@ -13,10 +13,9 @@ from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import Losses
-from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake
+from rpud_sim.ros.record.writing import Intake, RecordOptions
 
 RELIABLE = QoSProfile(depth=100)
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
