@@ -58,7 +58,7 @@ class Sequences:
 
 
 # Elements of an array that become JSON at once
-_PIECE = 65_536
+_MOST_ELEMENTS = 65_536
 
 
 def name_of(number: float) -> str:
@@ -77,10 +77,13 @@ def finite_values(value: Any, instead: Callable[[float], object] = lambda number
 
 def to_json(value: Any) -> str:
     """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts."""
-    if isinstance(value, np.ndarray) and value.size > _PIECE:
+    if isinstance(value, np.ndarray) and value.size > _MOST_ELEMENTS:
         # One list of everything would take many times the memory of the array.
-        pieces = (to_json(value[at : at + _PIECE])[1:-1] for at in range(0, len(value), _PIECE))
-        return f"[{', '.join(pieces)}]"
+        parts = (
+            to_json(value[at : at + _MOST_ELEMENTS])[1:-1]
+            for at in range(0, len(value), _MOST_ELEMENTS)
+        )
+        return f"[{', '.join(parts)}]"
     plain = value.tolist() if isinstance(value, np.ndarray) else value
     try:
         return json.dumps(plain, ensure_ascii=False, allow_nan=False)

@@ -74,7 +74,7 @@ class MissingMessages(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Piece:
+class TopicBatch:
     """Some messages of a topic, with their times."""
 
     stamps: np.ndarray  # of the messages [ns]
@@ -122,15 +122,15 @@ class TopicMessages:
     Reports of one stamp with the same counters are in the order in which they were published.
     """
 
-    def __init__(self, topic: str, pieces: list[Piece]) -> None:
+    def __init__(self, topic: str, batches: list[TopicBatch]) -> None:
         self._topic = topic
-        self._pieces = pieces
-        stamps = np.concatenate([NONE, *(piece.stamps for piece in pieces)])
+        self._batches = batches
+        stamps = np.concatenate([NONE, *(batch.stamps for batch in batches)])
         self._order = np.arange(len(stamps))
         key = self._keys()
         # The drill alone publishes its status, and the middleware keeps the order of a publisher.
         self._in_order = topic == "status"
-        published = np.concatenate([NONE, *(piece.published for piece in pieces)])
+        published = np.concatenate([NONE, *(batch.published for batch in batches)])
         order = np.lexsort((*([published] if self._in_order else []), key, stamps))
         if "sequence" in _COUNTERS.get(topic, ()):
             same = (np.diff(stamps[order]) == 0) & (np.diff(key[order]) == 0)
@@ -179,8 +179,8 @@ class TopicMessages:
         return key
 
     def _spread(self, name: str) -> np.ndarray:
-        """Return the values of a field, those of all pieces in order."""
-        parts = [piece.values(name) for piece in self._pieces]
+        """Return the values of a field, those of all batches in order."""
+        parts = [batch.values(name) for batch in self._batches]
         if all(isinstance(each, np.ndarray) and each.dtype != object for each in parts) and parts:
             return np.concatenate(parts)[self._order]
         return objects([value for part in parts for value in part])[self._order]

@@ -17,7 +17,7 @@ from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.values import Sequences
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
-from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
+from rpud_sim.verdicts.messages import MissingMessages, TopicBatch, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
     PERIODIC,
     PERIODIC_HOLD,
@@ -43,7 +43,7 @@ class Record:
 
     def __init__(self, namespace: str = NAMESPACE) -> None:
         self._namespace = namespace.rstrip("/")
-        self._pieces: dict[str, list[Piece]] = {}
+        self._batches: dict[str, list[TopicBatch]] = {}
         self._live: dict[str, list[tuple[int, int, Any]]] = {}  # stamp, number, message
         self._columns: dict[str, tuple[Column, ...]] = {}
         self._losses: dict[str, int] = {}
@@ -119,7 +119,7 @@ class Record:
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics with messages, in the order of their names."""
-        return tuple(sorted({*self._pieces, *self._live}))
+        return tuple(sorted({*self._batches, *self._live}))
 
     def note(self, topic: str) -> str:
         """Return why a topic has no messages; empty if it has some, or if it is not known."""
@@ -171,12 +171,12 @@ class Record:
     def messages(self, topic: str) -> TopicMessages:
         """Return the messages of a topic in the last run."""
         if topic not in self._kept:
-            pieces = list(self._pieces.get(topic, ()))
+            batches = list(self._batches.get(topic, ()))
             if topic in self._live:
                 stamps, published, messages = zip(*self._live[topic], strict=True)
                 times = np.array(stamps, np.int64), np.array(published, np.int64)
-                pieces.append(Piece(*times, messages=messages))
-            self._kept[topic] = TopicMessages(topic, pieces)
+                batches.append(TopicBatch(*times, messages=messages))
+            self._kept[topic] = TopicMessages(topic, batches)
         return self._kept[topic]
 
     def _check(self, expectation: Expectation) -> None:
@@ -218,7 +218,7 @@ class Record:
                 stamps = np.where(stamps == 0, columns["log_time"], stamps)
         else:
             stamps = columns["log_time"]
-        self._add_piece(topic, stamps, columns)
+        self._add_batch(topic, stamps, columns)
 
     def _add_block(self, topic: str, message: Any) -> None:
         columns = drill_columns(topic, blocks=True)
@@ -234,11 +234,11 @@ class Record:
             else:
                 values[column.name] = objects([value]).astype(column.dtype)
         rows = to_rows(columns, values)
-        self._add_piece(topic, rows["time"], rows)
+        self._add_batch(topic, rows["time"], rows)
 
-    def _add_piece(self, topic: str, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
-        piece = Piece(stamps, columns["publish_time"], columns)
-        self._pieces.setdefault(topic, []).append(piece)
+    def _add_batch(self, topic: str, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+        batch = TopicBatch(stamps, columns["publish_time"], columns)
+        self._batches.setdefault(topic, []).append(batch)
 
     def _relative(self, topic: str) -> str:
         """Return the name that expectations have for a topic: relative for the drill's own."""

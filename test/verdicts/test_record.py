@@ -24,7 +24,7 @@ from rpud_sim.verdicts import (
     quantile,
     signal,
 )
-from rpud_sim.verdicts.messages import Piece, TopicMessages
+from rpud_sim.verdicts.messages import TopicBatch, TopicMessages
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -46,7 +46,7 @@ def impact(sequence, force):
 
 def test_messages_of_a_foreign_type_are_one_line():
     time = np.array([1])
-    numbered = Piece(time, time, {"log_time": time, "sequence": np.array([2**63], np.uint64)})
+    numbered = TopicBatch(time, time, {"log_time": time, "sequence": np.array([2**63], np.uint64)})
     with pytest.raises(ExpectationError, match="no field 'kind'"):
         numbered.values("kind")
     with pytest.raises(ExpectationError, match="journal: sequence: OverflowError"):
