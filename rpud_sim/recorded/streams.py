@@ -61,7 +61,7 @@ class TopicStream:
 
     def __init__(self, streams: TopicStreams, topic: str) -> None:
         self.waiting = 0  # size of the messages that wait [bytes]
-        self.closed = False
+        self.closed = False  # whether it takes no more of what is read together
         self._streams, self._topic = streams, topic
         self._batches: deque[SerializedBatch] = deque()
         self._passed = 0  # messages so far
@@ -91,7 +91,9 @@ class TopicStream:
             if self._streams.advance():
                 return []
             raise StopIteration
-        self._alone = self._alone or self._rest()
+        if self._alone is None:
+            self.closed = True  # it reads the rest by itself
+            self._alone = self._rest()
         return [next(self._alone)]
 
     def close(self) -> None:
