@@ -295,13 +295,18 @@ class ShownQuantity:
         return f"{number} {self.unit}" if unit and self.unit else number
 
 
+def _exponent(value: float) -> int:
+    """Return the power of ten of a number's first digit."""
+    return int(f"{value:e}".partition("e")[2])
+
+
 def number_text(value: float, digits: int = 3) -> str:
     """Return a number with some significant digits, and with all of them before the point."""
     if not math.isfinite(value):
         return NONE
     if not value:
         return "0"
-    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    places = max(0, digits - 1 - _exponent(value))
     text = f"{value:.{places}f}" if places <= 9 else f"{value:.{digits - 1}e}"
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
@@ -397,9 +402,9 @@ def quantity_in(unit: str, greatest: float, label: str = "") -> ShownQuantity:
         return ShownQuantity("", label, "g", 1e3)
     if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
         return ShownQuantity("", label, "/s" if unit == "1/s" else unit)
-    exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
+    exponent = min(max(3 * (_exponent(greatest) // 3), -9), 9)
     exponent = min(exponent, 0) if unit == "s" else exponent
-    return ShownQuantity("", label, _PREFIXES[exponent] + unit, 10.0**-exponent)
+    return ShownQuantity("", label, _PREFIXES[exponent] + unit, float(f"1e{-exponent}"))
 
 
 def for_browser() -> list[dict[str, object]]:

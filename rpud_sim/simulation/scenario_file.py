@@ -32,7 +32,7 @@ _Bounds = tuple[float, float]  # least and most, which are equal if nothing is d
 class _Uniform:
     """Mapping in place of a number that is drawn."""
 
-    uniform: tuple[Cursor, Cursor] = key(list_of(here, 2, 2))
+    bounds: tuple[Cursor, Cursor] = key(list_of(here, 2, 2), name="uniform")
 
 
 def _bounds(quantity: Quantity) -> Callable[[Cursor], _Bounds]:
@@ -42,7 +42,7 @@ def _bounds(quantity: Quantity) -> Callable[[Cursor], _Bounds]:
         if not isinstance(cursor.value, Mapping):
             number = float(cursor.check(quantity))
             return number, number
-        least, most = (float(each.check(quantity)) for each in read(cursor, _Uniform).uniform)
+        least, most = (float(each.check(quantity)) for each in read(cursor, _Uniform).bounds)
         if not least <= most:
             raise cursor.wrong("has its least above its most")
         return least, most
