@@ -1,6 +1,7 @@
 """Sweeps as YAML files: what is taken, and one line for everything else."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import QUANTITIES, REGIMES
 from rpud_sim.studies.sweep.specification import DESIGNS, Range, Values
 from rpud_sim.studies.sweep.specification_file import read_specification
+
+CONFIG = Path(__file__).parents[3] / "config"
 
 GRID = {
     "design": "grid",
@@ -140,3 +143,8 @@ def test_a_range_keeps_to_itself_and_to_its_order(low, factor, scale, shares):
     assert values[0] >= low
     assert values[-1] <= low * factor
     assert spread.at(np.array([0.0, 1.0])).tolist() == [low, low * factor]
+
+
+def test_the_study_of_sensitivity_names_a_source_of_every_interval():
+    example = read_specification(CONFIG / "sweep_sensitivity.yaml")
+    assert all(interval.source for interval in example.swept.values())
