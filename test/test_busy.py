@@ -9,7 +9,7 @@ from support import until
 
 pytestmark = pytest.mark.extended
 
-PROGRAM = Path(__file__).parent / "busy.py"
+PROGRAM = Path(__file__).parent / "helpers" / "busy.py"
 
 
 def stat(pid):

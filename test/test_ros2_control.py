@@ -7,8 +7,14 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from robot_descriptions import ROOT, arm_with_drill, expanded
-from ros2_control_hardware import INTERFACES, PARAMETERS, Description
+from ros2_control_hardware import (
+    INTERFACES,
+    PARAMETERS,
+    ROOT,
+    Description,
+    arm_with_drill,
+    expanded,
+)
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.simulation.fields import FEED_JOINT, ROTATION_JOINT

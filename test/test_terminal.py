@@ -4,9 +4,9 @@ import base64
 import re
 
 import pytest
+from frame_reader import decode
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
 from support import called
-from viewer.frame_reader import decode
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.foundation.terminal import printable

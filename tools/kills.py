@@ -148,7 +148,7 @@ def main() -> None:
     if arguments.live:
         claim = DomainClaim()  # held to the end, for this process alone
         os.environ.update(ROS_DOMAIN_ID=str(claim.domain), **LOOPBACK)
-        program = str(ROOT / "test" / "integration" / "talker.py")
+        program = str(ROOT / "test" / "helpers" / "talker.py")
         talker = subprocess.Popen(
             [sys.executable, program, "--count", str(10**9), "--rate", "1000"],
             stdout=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""Fixtures for tests in a real Chromium; pages.py shows how to use them.
+"""Fixtures for tests in a real Chromium; browser_pages.py shows how to use them.
 
 Without a browser the tests are skipped; where `CI` is set, or RPUD_BROWSER=required as .ci/run
 has it, they fail. Screenshots go to `browser` in the folder of artefacts (--rpud-artefacts).
@@ -7,38 +7,21 @@ has it, they fail. Screenshots go to `browser` in the folder of artefacts (--rpu
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from browser_pages import HEIGHT, WIDE, BrowserPage, require_browser
 from support import PATIENCE
 
-from toolchain.browser import NAMES, OPTIONS, find_chromium
+from toolchain.browser import OPTIONS, find_chromium
 
 if TYPE_CHECKING:
-    from browser.pages import BrowserPage
     from playwright.sync_api import Browser
 
 _FAILED = pytest.StashKey[bool]()
-
-
-def require_browser() -> None:
-    """Skip the test, or fail it in CI, where there is no browser."""
-    try:
-        import axe_playwright_python  # noqa: F401
-        import playwright  # noqa: F401
-    except ImportError as error:
-        missing = f"{error}: `make test-all` installs toolchain/requirements/browser.lock"
-    else:
-        if find_chromium() is not None:
-            return
-        missing = f"no Chromium: CHROMIUM is not set, and PATH has none of {', '.join(NAMES)}"
-    if "CI" in os.environ or os.environ.get("RPUD_BROWSER") == "required":
-        pytest.fail(f"tests in a browser are never skipped in CI: {missing}", pytrace=False)
-    pytest.skip(missing)
 
 
 @pytest.fixture(scope="session")
@@ -80,7 +63,6 @@ def page_of(
     Options: `width` [px], `scheme` (light, dark, no-preference), `reduced_motion`, and others of
     Playwright's `new_context`. A test that fails leaves a screenshot of each.
     """
-    from browser.pages import HEIGHT, WIDE, BrowserPage
     from playwright.sync_api import Error
 
     opened: list[BrowserPage] = []

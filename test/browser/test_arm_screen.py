@@ -1,7 +1,7 @@
 """The screen of a drill on an arm in a real browser: its feed, its plots, its hole."""
 
 import pytest
-from browser.screens import opened, served, text_has, until_screen
+from browser_screens import opened, served, text_has, until_screen
 from drill_client import start_drill
 from support import PATIENCE
 

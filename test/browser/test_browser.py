@@ -1,8 +1,7 @@
 """The fixtures of this folder find what they are there to find."""
 
 import pytest
-from browser.conftest import require_browser
-from browser.pages import PHONE
+from browser_pages import PHONE, require_browser
 
 pytestmark = pytest.mark.extended
 

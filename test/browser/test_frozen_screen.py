@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from browser.pages import PHONE, SCHEMES, WIDE
-from browser.screens import (
+from browser_pages import PHONE, SCHEMES, WIDE
+from browser_screens import (
     SHARE,
     of_screen,
     page_with_share,

@@ -4,8 +4,8 @@ import re
 from urllib.parse import quote
 
 import pytest
-from browser.pages import PHONE
-from browser.screens import (
+from browser_pages import PHONE
+from browser_screens import (
     drag,
     of_screen,
     opened,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from browser.pages import HEIGHT, PHONE, WIDE
+from browser_pages import HEIGHT, PHONE, WIDE
 from campaign_results import FAILURE, flown
 from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offline_bag
 

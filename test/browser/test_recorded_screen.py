@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser.pages import PHONE, SCHEMES, WIDE
-from browser.screens import drag, of_screen, text_has, until_screen, view_of
+from browser_pages import PHONE, SCHEMES, WIDE
+from browser_screens import drag, of_screen, text_has, until_screen, view_of
+from recorded_bags import FAULTS, rewritten, without_waveform
 from sample_bags import write_offline_bag
 from support import Process
-from viewer.recorded_bags import FAULTS, rewritten, without_waveform
 
 import rpud_sim.bag
 from rpud_sim.simulation import preset

@@ -4,9 +4,9 @@ from collections import deque
 
 import numpy as np
 import pytest
-from browser.screens import of_screen, until_screen
+from browser_screens import of_screen, until_screen
+from screen_client import serving
 from support import until
-from viewer.screen_client import serving
 
 from rpud_sim.viewer.frames import Store
 from rpud_sim.viewer.history import MOTION

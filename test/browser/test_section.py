@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from browser.pages import PHONE
-from browser.screens import page_with_share
+from browser_pages import PHONE
+from browser_screens import page_with_share
 
 from rpud_sim.foundation.quantities import for_browser
 from rpud_sim.foundation.time import SECOND

@@ -21,7 +21,7 @@ from support import PATIENCE, until
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 
-HERE = Path(__file__).parent
+HELPERS = Path(__file__).parents[1] / "helpers"
 
 CONTACT_FORCE = "/rpud/contact_force"
 NODAL_PLANE = "/rpud/nodal_plane"
@@ -31,7 +31,7 @@ STATUS = "/rpud/status"
 @pytest.fixture
 def program(process):
     """Start one of the programs beside this file."""
-    return lambda name, *words: process(sys.executable, HERE / f"{name}.py", *map(str, words))
+    return lambda name, *words: process(sys.executable, HELPERS / f"{name}.py", *map(str, words))
 
 
 def contents(path):

@@ -18,7 +18,7 @@ import rpud_sim.bag
 from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.metadata import manifest_from_record
 
-HERE = Path(__file__).parent
+HELPERS = Path(__file__).parents[1] / "helpers"
 CONTACT_FORCE = "/rpud/contact_force"
 STATUS = "/rpud/status"
 
@@ -26,7 +26,7 @@ STATUS = "/rpud/status"
 @pytest.fixture
 def talker(process):
     """Start the talker; it begins as soon as its three topics are heard."""
-    return lambda *words: process(sys.executable, HERE / "talker.py", *map(str, words))
+    return lambda *words: process(sys.executable, HELPERS / "talker.py", *map(str, words))
 
 
 def manifests(path):
@@ -68,7 +68,7 @@ def test_a_recorder_that_nobody_reads_has_its_exit_code_and_a_manifest_without_a
 
 def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path):
     recorder = process("recorder", "--out", tmp_path / "run")
-    process(sys.executable, HERE / "stranger.py").wait_for_line("answered")
+    process(sys.executable, HELPERS / "stranger.py").wait_for_line("answered")
     recorder.wait_for_line("an answer of /rpud/stranger cannot be used: ")
     talker("--count", 100, "--rate", 500).wait_for_line("published 100")
     recorder.interrupt()
@@ -90,7 +90,7 @@ def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
         "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
     }
-    words = (sys.executable, HERE / "talker.py", "--count", "0", "--subscribers", "0")
+    words = (sys.executable, HELPERS / "talker.py", "--count", "0", "--subscribers", "0")
     process(*words, env={**os.environ, **settings}).wait_for_line("published 0")
     recorder = process("recorder", "contact_force", "--out", tmp_path / "run")
     recorder.wait_for_line(

@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from robot_descriptions import arm_with_drill
-from ros2_control_hardware import Description, Hardware
+from ros2_control_hardware import Description, Hardware, arm_with_drill
 
 from rpud_sim.simulation.fields import FEED_JOINT, ROTATION_JOINT
 

@@ -6,13 +6,21 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_plane
 from drill_configurations import tables
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from invariants import check_trajectory
 from support import examples
-from trajectories import evaluate, rebuild
+from trajectories import (
+    DRILL_TOOL,
+    FREE_MASS,
+    TIP,
+    check_trajectory,
+    evaluate,
+    finished,
+    motion,
+    nodal_plane,
+    rebuild,
+)
 
 from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import SEATING_TIME, derive

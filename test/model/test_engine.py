@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_plane
 from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.lib.recfunctions import repack_fields
+from trajectories import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_plane
 
 from rpud_sim.model.contact import single_contact
 from rpud_sim.model.contact_models import CONTACT_MODELS

@@ -3,8 +3,8 @@
 import re
 
 import pytest
-from closed_forms import finished
 from drill_configurations import tables
+from trajectories import finished
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError

@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from closed_forms import finished
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from support import examples
+from trajectories import finished
 
 from rpud_sim.model import resonator
 from rpud_sim.model.closed_form import advance_phase, turn_at, vibration_of

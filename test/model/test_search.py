@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, finished, gap, motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 from support import examples
+from trajectories import DRILL_TOOL, FREE_MASS, TIP, finished, gap, motion
 
 from rpud_sim.model.closed_form import turn_at
 from rpud_sim.model.drill import derive

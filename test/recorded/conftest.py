@@ -1,7 +1,7 @@
 """Bags of runs, which tests fork, verify and alter copies of."""
 
 import pytest
-from recorded.forked_runs import ARM, FAULTS, PROVED_FAULTS, VALUES, Used
+from forked_runs import ARM, FAULTS, PROVED_FAULTS, VALUES, Used
 from sample_bags import write_offline_bag
 
 from rpud_sim.recorded.offline_bag import write_offline_bag as write_plan

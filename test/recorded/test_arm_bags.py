@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from recorded.forked_runs import ARM, MILLISECOND, held
+from forked_runs import ARM, MILLISECOND, held
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError

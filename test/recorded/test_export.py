@@ -13,12 +13,12 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from long_waveform import long_waveform
 from sample_bags import (
     SECOND,
     START,
     STRING_DEFINITION,
     TALK,
+    long_waveform,
     serialized,
     write_bag,
     write_everything,

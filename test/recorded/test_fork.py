@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 from altered_bags import altered, numbered
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from recorded.forked_runs import (
+from forked_runs import (
     FAULTS,
     JOURNAL,
     MILLISECOND,
@@ -18,6 +16,8 @@ from recorded.forked_runs import (
     held,
     manifest_of,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sample_bags import write_offline_bag
 
 from rpud_sim.foundation.quantities import ParameterError

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from altered_bags import altered, copied, edited, merged, messages_of, numbered, unchanged
-from recorded.forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
+from forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter

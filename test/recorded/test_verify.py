@@ -6,7 +6,7 @@ import struct
 
 import pytest
 from altered_bags import altered, copied, edited, flipped, merged, messages_of, numbered
-from recorded.forked_runs import JOURNAL, ON_ARM
+from forked_runs import JOURNAL, ON_ARM
 from sample_bags import write_offline_bag
 from support import called
 

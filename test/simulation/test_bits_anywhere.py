@@ -21,7 +21,7 @@ import rpud_sim
 from rpud_sim.simulation.versions import ENGINE
 
 PACKAGE = Path(rpud_sim.__file__).parent
-SCRIPT = Path(__file__).parents[1] / "same_bits.py"
+SCRIPT = Path(__file__).parents[1] / "helpers" / "same_bits.py"
 LIBRARIES = {
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX",
     "NPY_DISABLE_CPU_FEATURES": " ".join(

@@ -4,9 +4,9 @@ import math
 
 import pytest
 import yaml
-from hostile import contents
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_values import contents
 from support import examples, refusal
 
 from rpud_sim.simulation import Parameters

@@ -4,9 +4,9 @@ import math
 from pathlib import Path
 
 import pytest
-from hostile import contents
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_values import contents
 from support import refusal
 
 from rpud_sim.simulation.changes import Change, Inject, injected

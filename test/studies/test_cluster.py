@@ -7,7 +7,7 @@ import sys
 import time
 
 import pytest
-from specifications import parse_specification
+from plain_values import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.studies import workers

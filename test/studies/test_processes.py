@@ -5,7 +5,7 @@ import multiprocessing
 import os
 
 import pytest
-from specifications import parse_specification
+from plain_values import parse_specification
 
 from rpud_sim.studies.sweep.sweep import SweepChunk, design_points, make_chunks, simulate
 from rpud_sim.studies.workers import WorkerError, run_chunks

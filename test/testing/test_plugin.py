@@ -9,11 +9,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from viewer.frame_reader import decode
+from frame_reader import decode
 
 pytest_plugins = ["pytester"]
 
-SUPERVISOR = Path(__file__).with_name("supervisor.py").read_text()
+SUPERVISOR = Path(__file__).parents[1].joinpath("helpers", "supervisor.py").read_text()
 HEAVY = ("rclpy", "numba", "numpy", "tornado", "rpud_sim.ros", "rpud_sim.simulation")
 
 

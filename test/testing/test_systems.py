@@ -19,7 +19,7 @@ HEARTBEAT = "supervisor/heartbeat"
 
 def supervise(drill, how="works", node="supervisor"):
     remap = f"--ros-args -r __ns:={drill.namespace} -r __node:={node}"
-    return drill.start(f"python supervisor.py {how} {remap}", hears=("reacting_force",))
+    return drill.start(f"python ../helpers/supervisor.py {how} {remap}", hears=("reacting_force",))
 
 
 def test_a_reset_begins_again_beside_the_same_node(drill):
@@ -87,7 +87,7 @@ def test_a_node_in_the_place_of_a_killed_one_is_introduced_anew(drill):
 def test_a_node_that_cannot_be_asked_has_some_time_and_a_warning(drill):
     drill.with_answers("command/weight_on_bit")
     with pytest.warns(UserWarning, match=r"^/rpud/commander does not answer get_parameters"):
-        drill.start("python commander.py mute", hears=("reacting_force",))
+        drill.start("python ../helpers/commander.py mute", hears=("reacting_force",))
     drill.step(0.2)
     assert drill.status.commands_accepted == 2
 
@@ -110,7 +110,7 @@ def test_a_node_that_never_publishes_its_answer_is_waited_for_once(drill):
         drill.begin(0)
         drill.with_answers("/nowhere")
         with pytest.raises(SystemUnderTestError, match=f"not publish on all of /nowhere {limit}"):
-            drill.start("python supervisor.py works", timeout=3.0)
+            drill.start("python ../helpers/supervisor.py works", timeout=3.0)
 
 
 def test_a_start_that_fails_says_in_one_line_why(drill):

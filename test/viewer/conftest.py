@@ -1,7 +1,7 @@
 """Recorded drill that the tests of this folder look at."""
 
 import pytest
-from viewer.recorded_bags import write_drill
+from recorded_bags import write_drill
 
 
 @pytest.fixture(scope="session")

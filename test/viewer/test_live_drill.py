@@ -5,8 +5,8 @@ from contextlib import closing, contextmanager
 import numpy as np
 import pytest
 from drill_client import start_drill
+from screen_client import ClosedError, ScreenClient, serving
 from support import until
-from viewer.screen_client import ClosedError, ScreenClient, serving
 
 from rpud_sim.ros.client import DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import DrillFinder

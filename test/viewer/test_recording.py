@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded_bags import SECOND, ForceRecorder, rows_of, write_forces
 from sample_bags import write_bag
-from viewer.recorded_bags import SECOND, ForceRecorder, rows_of, write_forces
 
 from rpud_sim.recorded.runs import RecordedEntry, RecordedRun
 from rpud_sim.simulation.configuration import Settings

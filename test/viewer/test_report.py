@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from viewer.frame_reader import decode
-from viewer.recorded_bags import rewritten
+from frame_reader import decode
+from recorded_bags import rewritten
 
 import rpud_sim.bag
 import rpud_sim.viewer

@@ -11,12 +11,12 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
+from frame_reader import decode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from screen_client import ClosedError, ScreenClient, serving
 from support import until
-from viewer.frame_reader import decode
-from viewer.screen_client import ClosedError, ScreenClient, serving
 
 import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError

@@ -7,11 +7,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from altered_bags import altered
+from frame_reader import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recorded_bags import DURATION, rewritten
 from sample_bags import write_offline_bag
-from viewer.frame_reader import decode
-from viewer.recorded_bags import DURATION, rewritten
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic

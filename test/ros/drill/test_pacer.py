@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from manual_clock import SECOND, ManualClock
+from support import SECOND, ManualClock
 
 from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.simulation.block import boundary

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
-from manual_clock import SECOND, ManualClock
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from support import SECOND, ManualClock
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import health, session

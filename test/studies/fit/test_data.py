@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plain_values import parse_targets
 from sample_bags import write_mcap
-from specifications import parse_targets
 from support import refusal
 
 from rpud_sim import bag

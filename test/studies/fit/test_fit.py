@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from specifications import parse_targets
+from plain_values import parse_targets
 
 from rpud_sim.cli.studies import fit_lines
 from rpud_sim.foundation.quantities import ParameterError

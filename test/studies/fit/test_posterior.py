@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from plain_values import parse_targets
 from scipy import stats
-from specifications import parse_targets
 
 from rpud_sim.studies.fit.posterior import Emulator, EmulatorError, Likelihood, Region, sample
 

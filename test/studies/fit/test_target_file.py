@@ -1,10 +1,9 @@
 """Specifications of fits: what they hold, and one line for every mistake."""
 
 import pytest
-from hostile import contents
 from hypothesis import given
 from hypothesis import strategies as st
-from specifications import parse_targets
+from plain_values import contents, parse_targets
 from support import refusal
 
 from rpud_sim.studies.fit.measures import UNITS

@@ -10,7 +10,7 @@ import pytest
 from fault_signatures import ROWS
 from hypothesis import given
 from hypothesis import strategies as st
-from specifications import parse_specification
+from plain_values import parse_specification
 
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation import preset

@@ -4,7 +4,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from specifications import parse_specification
+from plain_values import parse_specification
 from support import refusal
 
 import rpud_sim.bag

@@ -4,7 +4,7 @@ import json
 
 import pyarrow.parquet as pq
 import pytest
-from specifications import parse_specification
+from plain_values import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.plan import initial_phases

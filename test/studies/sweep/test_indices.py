@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from specifications import parse_specification
+from plain_values import parse_specification
 
 from rpud_sim.studies.sweep.sweep import design_points, run_sweep, saltelli_shares
 from rpud_sim.studies.sweep.sweep_report import figure_indices, find_indices, sweep_page

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hostile import contents
 from hypothesis import example, given
 from hypothesis import strategies as st
-from specifications import parse_specification
+from plain_values import contents, parse_specification
 from support import refusal
 
 from rpud_sim.model.contact_models import CONTACT_MODELS

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from plain_values import parse_specification
 from scipy import stats
-from specifications import parse_specification
 
 from rpud_sim.foundation.quantities import number_text
 from rpud_sim.simulation.statistics import FIGURES

@@ -9,7 +9,7 @@ from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_runs import fly
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
-SUPERVISORS = Path(__file__).resolve().parents[1]  # with the plugin's node under test
+SUPERVISORS = Path(__file__).resolve().parents[2] / "helpers"  # with the plugin's node under test
 CAMPAIGN = """\
 system:
   {system}

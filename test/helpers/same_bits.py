@@ -21,7 +21,7 @@ from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
 from rpud_sim.simulation.versions import ENGINE
 
-KEPT = Path(__file__).parent / "data" / "bits.json"
+KEPT = Path(__file__).parents[1] / "data" / "bits.json"
 MILLISECOND = 1_000_000
 ROCK = {"rock_model": "specific_energy"}
 RESONANCE = {"actuator_model": "resonance", "generator": "tracking", "heating": True}

@@ -5,9 +5,9 @@ import json
 import threading
 from contextlib import contextmanager, suppress
 
+from frame_reader import decode
 from support import PATIENCE
 from tornado.websocket import WebSocketClosedError, websocket_connect
-from viewer.frame_reader import decode
 
 from rpud_sim.viewer.server import PageServer, Place
 

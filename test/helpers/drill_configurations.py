@@ -6,7 +6,7 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import Configuration, read_parameter_file, to_configuration
 
-CONFIG = Path(__file__).parents[1] / "config"
+CONFIG = Path(__file__).parents[2] / "config"
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
 RESONANT = ActuatorParameters(actuator_model="resonance", generator="tracking")

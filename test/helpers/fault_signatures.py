@@ -13,7 +13,7 @@ import numpy as np
 from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS, _feed, _hole, _rotation
 
-DOCUMENTATION = Path(__file__).parents[1] / "docs" / "reference" / "faults.md"
+DOCUMENTATION = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"
 SECOND = 1_000_000_000
 PERIOD = SECOND // 20  # of the telemetry
 DRILL = to_configuration(

@@ -5,6 +5,9 @@ their sources: which parts of the description they take, which messages they sen
 """
 
 import math
+import re
+from pathlib import Path
+from xml.etree import ElementTree
 
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -91,3 +94,31 @@ class Hardware:
             getattr(message, interface).append(command)
         self.sent.append(message)
         self._publisher.publish(message)
+
+
+ROOT = Path(__file__).resolve().parents[2]
+MACRO_FILE = ROOT / "config" / "ros2_control" / "rpud.ros2_control.xacro"
+MACRO = ElementTree.parse(MACRO_FILE).getroot()[0]
+DEFAULTS = dict(word.split(":=") for word in MACRO.get("params").split())
+
+
+def expanded(**arguments):
+    """Return the ros2_control element as xacro expands the macro."""
+    values = {**DEFAULTS, **arguments}
+    text = ElementTree.tostring(MACRO[0], encoding="unicode")
+    return ElementTree.fromstring(re.sub(r"\$\{(\w+)\}", lambda found: values[found[1]], text))
+
+
+def arm_with_drill(**arguments):
+    """Return a whole description: an arm's flange, both files of the drill, and ros2_control."""
+    robot = ElementTree.fromstring('<robot name="arm"><link name="tool0"/></robot>')
+    for name in ("rpud.urdf", "rpud_feed.urdf"):
+        robot.extend(ElementTree.parse(ROOT / "urdf" / name).getroot())
+    robot.append(
+        ElementTree.fromstring(
+            '<joint name="drill_joint" type="fixed"><parent link="tool0"/>'
+            '<child link="rpud_rail"/></joint>'
+        )
+    )
+    robot.append(expanded(**arguments))
+    return robot

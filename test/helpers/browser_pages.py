@@ -16,13 +16,17 @@
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+import pytest
 from support import PATIENCE
+
+from toolchain.browser import NAMES, find_chromium
 
 if TYPE_CHECKING:  # where they are not installed, the tests are skipped
     from playwright.sync_api import BrowserContext, ConsoleMessage, Page
@@ -155,3 +159,19 @@ class BrowserPage:
     def close(self) -> None:
         """Close the page and all that belongs to it."""
         self._context.close()
+
+
+def require_browser() -> None:
+    """Skip the test, or fail it in CI, where there is no browser."""
+    try:
+        import axe_playwright_python  # noqa: F401
+        import playwright  # noqa: F401
+    except ImportError as error:
+        missing = f"{error}: `make test-all` installs toolchain/requirements/browser.lock"
+    else:
+        if find_chromium() is not None:
+            return
+        missing = f"no Chromium: CHROMIUM is not set, and PATH has none of {', '.join(NAMES)}"
+    if "CI" in os.environ or os.environ.get("RPUD_BROWSER") == "required":
+        pytest.fail(f"tests in a browser are never skipped in CI: {missing}", pytrace=False)
+    pytest.skip(missing)

@@ -6,7 +6,7 @@ from rpud_sim.testing.campaign_runs import COMPLETED, CampaignResults, flown_run
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
-SUPERVISORS = Path(__file__).resolve().parent / "testing"
+SUPERVISORS = Path(__file__).resolve().parent
 CAMPAIGN = f"""\
 system:
   command: python supervisor.py works --ros-args -r __ns:=/rpud

@@ -36,6 +36,7 @@ Value = TypeVar("Value")
 PATIENCE = 100.0
 """Seconds that a test waits for a condition at most: a first drill compiles, beside busy loops."""
 
+SECOND = 1_000_000_000
 MANY_EXAMPLES = os.environ.get("RPUD_EXAMPLES") == "many"
 FEW = 25
 
@@ -186,3 +187,19 @@ def entries_in(rows):
             entry = JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)
             found.append(entry)
     return found
+
+
+class ManualClock:
+    """A monotonic clock [ns] that stands still until a caller sleeps or sets `now`."""
+
+    def __init__(self, now=17 * SECOND):
+        self.now = now
+        self.slept = []
+
+    def __call__(self):
+        return self.now
+
+    def sleep(self, seconds):
+        """Note the time that was slept [s], and move by it."""
+        self.slept.append(seconds)
+        self.now += round(seconds * SECOND)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +13,9 @@ import numpy as np
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.batches import SerializedBatch
+from rpud_sim.bag.definitions import find_definition
 from rpud_sim.recorded import offline_bag
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import Parameters
@@ -232,13 +233,33 @@ def write_offline_bag(
     offline_bag.write_offline_bag(path, plan, duration)
 
 
-def proved_messages(path: Path, skipped: int = 0) -> list[tuple[str, bytes]]:
-    """Return what is proved, and the journal, after the first `skipped` nanoseconds.
+def long_waveform(path: Path, size: int) -> Path:
+    """Write blocks of noise on ``/rpud/waveform``, not compressed, with so many bytes of samples.
 
-    It has no paddings, in which the middleware leaves any bytes.
+    Args:
+        path: of the new bag.
+        size: of the samples [bytes].
     """
-    names = (*PLAIN_PROVED, "journal")
-    codecs = {f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in names}
-    with rpud_sim.bag.open(path) as opened:
-        found = list(opened.messages(codecs.keys(), skipped))
-    return [(m.topic, (codec := codecs[m.topic]).encode(codec.decode(m.data))) for m in found]
+    kind, block_size, rate = TOPICS["waveform"].type, 2500, 50_000
+    definition, codec = find_definition(kind), installed_codec(kind)
+    numbers = np.random.default_rng(1)
+    arrays = {
+        name: array("d", numbers.normal(size=block_size))
+        for name in (
+            "nodal_plane_position",
+            "actuator_position",
+            "free_mass_position",
+            "drill_tool_displacement",
+            "contact_force",
+            "reacting_force",
+        )
+    }
+    with BagWriter(path, compression="none") as bag:
+        bag.add_topic(Topic("/rpud/waveform", kind), definition)
+        for block in range(size // (block_size * len(arrays) * 8)):
+            moment = block * block_size * SECOND // rate
+            stamp = {"sec": moment // SECOND, "nanosec": moment % SECOND}
+            fields = {"header": {"stamp": stamp, "frame_id": "rpud_mount"}}
+            fields |= {"sequence": block * block_size, "sample_period": 1.0 / rate, **arrays}
+            bag.write_message("/rpud/waveform", codec.encode(fields), moment, moment)
+    return path
