@@ -91,7 +91,9 @@ class TopicStream:
             if self._streams.advance():
                 return []
             raise StopIteration
-        self._alone = self._alone or self._rest()
+        if self._alone is None:
+            self.close()
+            self._alone = self._rest()
         return [next(self._alone)]
 
     def close(self) -> None:
