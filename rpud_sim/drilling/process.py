@@ -10,11 +10,10 @@ from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountState
 from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, Rotor, RotorState
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.foundation.values import Immutable
 
 
 @dataclasses.dataclass(frozen=True)
-class ProcessState(Immutable):
+class ProcessState:
     """State of the slow processes at their last step, immutable."""
 
     time: int = 0  # of that step [ns]

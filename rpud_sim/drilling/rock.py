@@ -26,7 +26,6 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.schema import key, list_of, name_in, read
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Immutable
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
 
 _PROPERTIES = ("specific_energy", "strength", "threshold_energy", "abrasiveness", "friction")
@@ -82,7 +81,7 @@ _LAYER_KEYS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class Strata(Immutable):
+class Strata:
     """Layers from the surface downward, immutable."""
 
     # at least one; the first begins at depth zero, each other one below the one before

@@ -1,4 +1,4 @@
-"""Values: shared by copies, of different lengths in one array, and as JSON."""
+"""Values: sequences of different lengths in one array, and JSON."""
 
 from __future__ import annotations
 
@@ -8,19 +8,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
-
-class Immutable:
-    """Base of immutable values: a deep copy, such as that of a run, is the value itself."""
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Self:
-        return self
 
 
 @dataclass(frozen=True)

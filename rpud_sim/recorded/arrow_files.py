@@ -15,7 +15,6 @@ from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.values import to_json
 from rpud_sim.recorded import RecordingError
 
-_MOST_TEXT = 2**31 - 1  # of a batch [bytes], for offsets of 32 bits
 _SINGLE = (Kind.NUMBER, Kind.TIME, Kind.DURATION)
 
 # Arrow types of those columns that CSV can only hold as numbers and texts.
@@ -108,30 +107,13 @@ def _schema(
     return pa.schema(fields, {key: json.dumps(value) for key, value in metadata.items()})
 
 
-def _packed_texts(column: Column, values: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return where each text begins and the last one ends, and all texts as UTF-8 bytes.
-
-    Values that are no texts become JSON.
-    """
-    texts = np.empty(len(values), object)
-    texts[:] = values if column.kind is Kind.TEXT else [to_json(value) for value in values]
-    # Rows of a block have the same text.
-    starts = np.flatnonzero(np.append([True], texts[1:] != texts[:-1])[: len(texts)])
-    counts = np.diff(starts, append=len(texts))
-    parts = [text.encode() for text in texts[starts]]
-    sizes = np.array([*map(len, parts)], np.int64)
-    if int((sizes * counts).sum()) > _MOST_TEXT:
-        raise RecordingError(f"column {column.name:.80}: a batch has more than 2 GiB of text")
-    data = b"".join(part * count for part, count in zip(parts, counts.tolist(), strict=True))
-    ends = np.cumsum(np.append([0], np.repeat(sizes, counts)))
-    return ends, np.frombuffer(data, np.uint8)
-
-
 def _array(column: Column, kind: pa.DataType, values: Any) -> pa.Array:
     if kind == pa.string():
-        ends, data = _packed_texts(column, values)
-        buffers = [None, pa.py_buffer(ends.astype(np.int32)), pa.py_buffer(data)]
-        return pa.Array.from_buffers(kind, len(values), buffers)
+        texts = values if column.kind is Kind.TEXT else map(to_json, values)
+        found = pa.array([*texts], kind)
+        if isinstance(found, pa.ChunkedArray):  # its offsets have 32 bits
+            raise RecordingError(f"column {column.name:.80}: a batch has more than 2 GiB of text")
+        return found
     if column.kind is Kind.ARRAY:
         numbers = _numbers(values.ravel(), kind.value_type)
         return pa.FixedSizeListArray.from_arrays(numbers, type=kind)

@@ -92,7 +92,7 @@ class TopicStream:
                 return []
             raise StopIteration
         if self._alone is None:
-            self.closed = True  # it reads the rest by itself
+            self.close()
             self._alone = self._rest()
         return [next(self._alone)]
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from rpud_sim.drilling.process import AT_REST, ProcessState
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Immutable
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import ActuatorReading
@@ -35,7 +34,7 @@ def first_sample(time: int, rate: int) -> int:
 
 
 @dataclasses.dataclass(frozen=True)
-class Block(Immutable):
+class Block:
     """Segments and impacts between two times, immutable; it may be many blocks in one.
 
     Times are integer nanoseconds of simulation time.

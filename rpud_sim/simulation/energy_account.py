@@ -8,13 +8,11 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from rpud_sim.foundation.values import Immutable
-
 if TYPE_CHECKING:  # Python 3.10 has none
     from typing_extensions import Self
 
 
-class _Terms(Immutable):
+class _Terms:
     """Energies by term, which add up."""
 
     def __add__(self, other: Self) -> Self:

@@ -14,6 +14,7 @@ import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.recorded.journal import UnverifiableError, installed_codec
+from rpud_sim.recorded.streams import first_field
 from rpud_sim.recorded.verify import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.batch import rows_of
@@ -116,7 +117,7 @@ def test_padding_between_fields_is_ignored(bag, tmp_path):
     codec = Codec("rpud_msgs/msg/ReactingForce", find_definition("rpud_msgs/msg/ReactingForce"))
     original = messages_of(bag, {"/rpud/reacting_force"})[3].data
     place = len(original) - 9  # the frame's name ends at an odd place, and a double does not
-    assert codec.encode(codec.decode(flipped(original, place))) == original
+    assert first_field(codec.decode(flipped(original, place)), codec.decode(original)) is None
     change = numbered("reacting_force", 3, lambda m: [flipped(m.data, place)])
     assert verify(altered(bag, tmp_path / "bag", change)).proved
 

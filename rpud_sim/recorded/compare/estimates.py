@@ -53,7 +53,7 @@ class Estimate(NamedTuple):
     low: float = math.nan  # low, high: 95 % confidence interval
     high: float = math.nan
     error: float = math.nan  # standard error
-    batches: float = 0.0  # number of means that the error comes from
+    blocks: float = 0.0  # number of batches whose means the error comes from
     number: int = 0  # of values
 
 
@@ -157,7 +157,7 @@ def _freedom(*figures: Estimate) -> float:
     if not 0.0 < total < math.inf:
         return 1.0
     # Shares first: the squares of errors might be no floats.
-    return 1.0 / sum((e.error / total) ** 4 / max(e.batches - 1.0, 1.0) for e in figures)
+    return 1.0 / sum((e.error / total) ** 4 / max(e.blocks - 1.0, 1.0) for e in figures)
 
 
 def _log_ratio(reference: Estimate, other: Estimate) -> tuple[float, float]:

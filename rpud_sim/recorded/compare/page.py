@@ -73,7 +73,7 @@ _BODY = """\
 {% endfor %}
 """
 _METHOD = (
-    "Intervals are 95 % confidence intervals by a stationary block bootstrap, since impacts that "
+    "Intervals are 95 % confidence intervals from means of batches of values, since impacts that "
     "follow each other are not independent. Decisions are corrected for their number by Holm's "
     "method: if the runs were of one kind, one comparison in twenty would name a difference."
 )
