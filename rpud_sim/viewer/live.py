@@ -272,6 +272,8 @@ class LiveDrill:
         due, asked_run = 0.0, -1
         while not self._closed:
             client.take()
+            if self._history.held:
+                self._complete(client)
             self._settle()
             while not self._closed and self.actions.execute(client):
                 pass
@@ -290,6 +292,18 @@ class LiveDrill:
             self._wake.wait(_PERIOD)
             self._wake.clear()
         return ""
+
+    def _complete(self, client: DrillClient) -> None:
+        """Ask the drill for the journal's entries before the first that was heard."""
+        wanted, held = 0, self._history.held
+        begun = any(entry.kind == "begin" for entry in held)
+        with suppress(ClientError):  # what was heard is shown all the same
+            while not begun and wanted < held[0].sequence and (page := client.journal(wanted)):
+                with self._lock:
+                    self._history.complete(e for e in page if e.sequence < held[0].sequence)
+                wanted = page[-1].sequence + 1
+        with self._lock:
+            self._history.release()
 
     def _connect(self, state: str, reason: str) -> None:
         is_new = state != self.connection.get("state")

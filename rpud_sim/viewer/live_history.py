@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -54,6 +54,7 @@ class LiveHistory(History):
         self.journal_lost = 0
         self._kept: dict[str, Any] = {}  # latest latched message by topic
         self._journal_next = 0
+        self.held: list[Any] = []  # entries whose run is not known until others are there
         self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
             topic: [] for topic in (*FIELDS, "waveform")
         }
@@ -77,6 +78,7 @@ class LiveHistory(History):
         """Forget the drill: what comes next is of another one, which numbers from zero."""
         self._origins = []
         self._kept = {}
+        self.held = []
         self._journal_next = 0
 
     def sinks(self) -> dict[str, Callable[..., object]]:
@@ -90,12 +92,24 @@ class LiveHistory(History):
     def latched(self, topic: str, message: Any) -> None:
         """Take in a message of the journal, the status or the faults."""
         self._changes += 1
-        if topic == "journal":
+        if topic == "journal" and (self.held or (message.sequence and not self._journal_next)):
+            self.held.append(message)
+        elif topic == "journal":
             self._journal(message)
         else:
             self._kept[topic] = message
             if self._origins:
                 self._show(topic, message)
+
+    def complete(self, entries: Iterable[Any]) -> None:
+        """Take in entries of the journal that come before those which are held, in order."""
+        for entry in entries:
+            self._journal(entry)
+
+    def release(self) -> None:
+        """Take in the entries that are held."""
+        held, self.held = self.held, []
+        self.complete(held)
 
     def refuse(self, reason: str) -> None:
         """Note that the drill has refused a command."""

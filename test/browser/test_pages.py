@@ -32,7 +32,7 @@ FIT = {
     "repeat": 2,
     "targets": [
         {"figure": "reacting_force_mean", "window": 0.5, "value": 15.0, "tolerance": "30 %"},
-        {"figure": "contact_force", "window": 0.5, "value": 5000.0, "tolerance": "80 %"},
+        {"figure": "contact_force_mean", "window": 0.5, "value": 5000.0, "tolerance": "80 %"},
     ],
 }
 SWEEP = {

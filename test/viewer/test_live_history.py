@@ -257,6 +257,17 @@ def test_a_drill_that_is_gone_stays_until_another_begins(history):
     assert (history.run, history.impacts.total) == (2, 0)
 
 
+def test_a_late_screen_holds_entries_until_it_has_those_before():
+    history = LiveHistory()
+    history.latched("journal", entry(5, "weight_on_bit", 2 * SECOND, force=3.0))
+    assert (history.run, len(history.held)) == (0, 1)
+    history.complete([entry(0, "begin", 0, parameters=PARAMETERS)])
+    history.release()
+    assert texts(history) == ["a run begins", "weight on bit 3 N"]
+    history.latched("journal", entry(6, "weight_on_bit", 3 * SECOND, force=4.0))
+    assert texts(history)[-1] == "weight on bit 4 N"
+
+
 def test_a_jump_in_the_journal_is_counted_as_lost(history):
     history.latched("journal", entry(4, "flush", SECOND))
     assert history.journal_lost == 3

@@ -237,6 +237,13 @@ class DrillClient(ListeningNode):
         self._services.add(SetParametersAtomically, name)
         self._ask(name, request, repeat=True)
 
+    def journal(self, first: int) -> list[msg.JournalEntry]:
+        """Return a page of the drill's journal, from an entry on; none after the last."""
+        name = "drill_node/get_journal"
+        self._services.add(srv.GetJournal, name)
+        entries = self._ask(name, srv.GetJournal.Request(first=first), repeat=True).entries
+        return list(entries)
+
     # Faults: a call returns when the topic ``faults`` shows the change.
 
     def inject(
