@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from rpud_sim.bag.errors import BagFormatError
-
-if TYPE_CHECKING:
-    from rpud_sim.bag.mcap_reader import BagChunk
-
 LATEST = 2**63 - 1  # greatest time in a bag of rosbag2 [ns since the epoch]
-
-# Greatest size of the chunks that are open at once, because they overlap in time [bytes].
-OVERLAP_LIMIT = 256 * 2**20
 
 
 class Message(NamedTuple):
@@ -142,66 +134,3 @@ def ordered_by_topic(batches: Iterable[SerializedBatch]) -> Iterator[SerializedB
         else:
             batch = joined(parts)
             yield batch.part(np.argsort(batch.log_times, kind="stable"))
-
-
-def due_batches(
-    chunks: Iterable[BagChunk],
-    topics: Collection[str] | None = None,
-    start: int = 0,
-    end: int | None = None,
-) -> Iterator[list[SerializedBatch]]:
-    """Yield the batches that are due before each chunk, and the rest at the end.
-
-    No later one has an earlier message. A chunk is read when none before it holds earlier ones.
-    ``topics`` is None for all. ``start`` is the log time of the first message that counts, ``end``
-    that of the first that does not count any more [ns].
-    """
-    chosen = [
-        chunk
-        for chunk in chunks
-        if chunk.end_time >= start
-        and (end is None or chunk.start_time < end)
-        and (topics is None or not chunk.topics.isdisjoint(topics))
-    ]
-    waiting: list[SerializedBatch] = []
-    opened: list[tuple[int, int]] = []  # last time and size of chunks
-    for chunk in sorted(chosen, key=lambda chunk: chunk.start_time):
-        due, waiting = _parted(waiting, chunk.start_time)
-        yield due
-        opened = [each for each in opened if each[0] >= chunk.start_time]
-        if opened and chunk.size + sum(size for _, size in opened) > OVERLAP_LIMIT:
-            raise BagFormatError(
-                f"more than {OVERLAP_LIMIT} bytes of chunks overlap in time, "
-                "too much to put their messages in order"
-            )
-        last = -1
-        for batch in chunk.batches(topics):
-            first = _count_before(batch.log_times, start)
-            behind = len(batch) if end is None else _count_before(batch.log_times, end)
-            batch = batch.part(slice(first, behind))
-            if len(batch):
-                waiting.append(batch)
-                last = max(last, int(batch.log_times[-1]))
-        if last >= 0:
-            opened.append((last, chunk.size))
-    yield waiting
-
-
-def _parted(
-    waiting: Iterable[SerializedBatch], until: int
-) -> tuple[list[SerializedBatch], list[SerializedBatch]]:
-    """Return what is due up to a time [ns], which no later chunk precedes, and the rest."""
-    due, rest = [], []
-    for batch in waiting:
-        count = _count_before(batch.log_times, until, "right")
-        if count:
-            due.append(batch.part(slice(0, count)))
-        if count < len(batch):
-            rest.append(batch.part(slice(count, None)))
-    return due, rest
-
-
-def _count_before(times: np.ndarray, time: int, side: Literal["left", "right"] = "left") -> int:
-    if not len(times) or times[-1] < time:
-        return len(times)
-    return int(np.searchsorted(times, time, side))

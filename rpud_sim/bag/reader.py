@@ -7,12 +7,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Literal, overload
+
+import numpy as np
 
 from rpud_sim.bag.batches import (
     Message,
     SerializedBatch,
-    due_batches,
     messages_of,
     ordered_by_topic,
 )
@@ -30,7 +31,6 @@ from rpud_sim.bag.metadata import (
 from rpud_sim.bag.records import reading
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas
 
     from rpud_sim.bag.columns import Column
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 # Suffixes of files that rosbag2 may write, and that are not read.
 _OTHERS = (".db3", ".db3.zstd", ".mcap.zstd")
+
+# Greatest size of the chunks that are open at once, because they overlap in time [bytes].
+_OVERLAP_LIMIT = 256 * 2**20
 
 
 class BagReader:
@@ -149,7 +152,7 @@ class BagReader:
     ) -> Iterator[list[SerializedBatch]]:
         start += self.start_time
         end = None if duration is None else start + duration
-        return due_batches(self.chunks(), topics, start, end)
+        return _due_batches(self.chunks(), topics, start, end)
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``tables``."""
@@ -295,3 +298,66 @@ def _to_convert(path: Path, reason: str) -> OtherStorageError:
         f"{path}: {reason}; rpud reads MCAP files with compressed chunks alone. To get one: ros2 "
         "bag convert -i BAG -o OPTIONS.yaml, with storage_id: mcap in OPTIONS.yaml"
     )
+
+
+def _due_batches(
+    chunks: Iterable[BagChunk],
+    topics: Collection[str] | None = None,
+    start: int = 0,
+    end: int | None = None,
+) -> Iterator[list[SerializedBatch]]:
+    """Yield the batches that are due before each chunk, and the rest at the end.
+
+    No later one has an earlier message. A chunk is read when none before it holds earlier ones.
+    ``topics`` is None for all. ``start`` is the log time of the first message that counts, ``end``
+    that of the first that does not count any more [ns].
+    """
+    chosen = [
+        chunk
+        for chunk in chunks
+        if chunk.end_time >= start
+        and (end is None or chunk.start_time < end)
+        and (topics is None or not chunk.topics.isdisjoint(topics))
+    ]
+    waiting: list[SerializedBatch] = []
+    opened: list[tuple[int, int]] = []  # last time and size of chunks
+    for chunk in sorted(chosen, key=lambda chunk: chunk.start_time):
+        due, waiting = _parted(waiting, chunk.start_time)
+        yield due
+        opened = [each for each in opened if each[0] >= chunk.start_time]
+        if opened and chunk.size + sum(size for _, size in opened) > _OVERLAP_LIMIT:
+            raise BagFormatError(
+                f"more than {_OVERLAP_LIMIT} bytes of chunks overlap in time, "
+                "too much to put their messages in order"
+            )
+        last = -1
+        for batch in chunk.batches(topics):
+            first = _count_before(batch.log_times, start)
+            behind = len(batch) if end is None else _count_before(batch.log_times, end)
+            batch = batch.part(slice(first, behind))
+            if len(batch):
+                waiting.append(batch)
+                last = max(last, int(batch.log_times[-1]))
+        if last >= 0:
+            opened.append((last, chunk.size))
+    yield waiting
+
+
+def _parted(
+    waiting: Iterable[SerializedBatch], until: int
+) -> tuple[list[SerializedBatch], list[SerializedBatch]]:
+    """Return what is due up to a time [ns], which no later chunk precedes, and the rest."""
+    due, rest = [], []
+    for batch in waiting:
+        count = _count_before(batch.log_times, until, "right")
+        if count:
+            due.append(batch.part(slice(0, count)))
+        if count < len(batch):
+            rest.append(batch.part(slice(count, None)))
+    return due, rest
+
+
+def _count_before(times: np.ndarray, time: int, side: Literal["left", "right"] = "left") -> int:
+    if not len(times) or times[-1] < time:
+        return len(times)
+    return int(np.searchsorted(times, time, side))
