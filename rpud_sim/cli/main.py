@@ -15,15 +15,15 @@ _MODULES = (
     ("drill", "run", "run"),
     ("drill", "executables", "record replay"),
     ("drill", "simulate", "simulate"),
-    ("drill", "watch", "watch"),
+    ("drill", "run", "watch"),
     (
         *("command a running drill", "drill_commands"),
         "press drive feed engage inject clear pause play step reset set echo",
     ),
     ("bags", "bags", "info recover verify"),
-    ("bags", "fork", "fork"),
+    ("bags", "simulate", "fork"),
     ("bags", "bags", "export report"),
-    ("bags", "compare", "compare"),
+    ("bags", "bags", "compare"),
     ("test", "test", "test"),
     ("study", "studies", "sweep fit"),
 )
