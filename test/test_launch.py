@@ -16,7 +16,7 @@ from ament_index_python.packages import (
 )
 from support import until
 
-from rpud_sim.ros.record.writing import COMPRESSIONS
+from rpud_sim.ros.options import COMPRESSIONS
 from rpud_sim.testing import launcher
 
 pytestmark = pytest.mark.extended

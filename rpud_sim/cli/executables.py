@@ -32,8 +32,7 @@ from rpud_sim.cli.program import (
 )
 from rpud_sim.foundation.options import parent_flag
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.ros.record.writing import RecordOptions
-from rpud_sim.ros.replay.playback import ReplayOptions
+from rpud_sim.ros.options import RecordOptions, ReplayOptions
 
 _REPLAY_BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
 

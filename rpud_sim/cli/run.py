@@ -26,7 +26,7 @@ from rpud_sim.foundation.options import (
 )
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
-from rpud_sim.ros.record.writing import RecordOptions
+from rpud_sim.ros.options import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.listening_node import DrillFinder

@@ -13,9 +13,8 @@ from rpud_sim.cli.options import (
     split_ros_arguments,
 )
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.record import writing
-from rpud_sim.ros.record.writing import RecordOptions
-from rpud_sim.ros.replay.playback import ReplayOptions
+from rpud_sim.ros import options as ros_options
+from rpud_sim.ros.options import RecordOptions, ReplayOptions
 
 
 def parsed(kind, *words):
@@ -41,7 +40,7 @@ def test_the_defaults_of_the_command_line_are_those_of_the_options():
     assert replay("--clock", "100").clock == 100.0
     assert replay("--remap", "/a:=/b", "/a_1/b:=/c/d").remap == ["/a:=/b", "/a_1/b:=/c/d"]
     assert record("--max-bag-size", "1e6").max_bag_size == 1_000_000
-    assert set(writing.COMPRESSIONS) == set(COMPRESSIONS)
+    assert set(ros_options.COMPRESSIONS) == set(COMPRESSIONS)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import sys
 import time
 
 import pytest
-from rpud_sim.cli.output import progress_bar, status_line
 
+from rpud_sim.cli.program import progress_bar, status_line
 from rpud_sim.foundation.terminal import table
 
 

@@ -14,10 +14,11 @@ from rpud_sim.bag import BagWriter
 from rpud_sim.bag.metadata import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.record.drill_queries import JournalQuery, ParameterQuery
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake, RecordOptions, WritingThread
+from rpud_sim.ros.record.writing import Intake, WritingThread
 
 # Metadata record of topics that could not be recorded, with the reasons.
 SKIPPED_RECORD = "rpud_skipped"

@@ -31,7 +31,8 @@ from rpud_sim.bag.metadata import Losses
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.endpoints import FollowedTopic, taken
 from rpud_sim.ros.graph import UnknownTypeError, message_class
-from rpud_sim.ros.record.writing import Intake, RecordOptions
+from rpud_sim.ros.options import RecordOptions
+from rpud_sim.ros.record.writing import Intake
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000

@@ -2,106 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import queue
-import re
 import shutil
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 
 from rpud_sim.bag import BagWriter, Message, Topic
-from rpud_sim.foundation.options import (
-    BYTES,
-    POSITIVE_SECONDS,
-    namespace_option,
-    option,
-    parent_flag,
-    positional,
-    required,
-    run_time_option,
-)
-
-# Names of the writer's compressions; repeated, because the writer takes long to load.
-COMPRESSIONS = ("none", "zstd")
-
-
-def pattern(text: str) -> re.Pattern[str]:
-    """Return a regular expression; a type for argparse."""
-    try:
-        return re.compile(text)
-    except (re.error, RecursionError, OverflowError) as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecordOptions:
-    """What to record, how to write it, and when to end."""
-
-    topics: Sequence[str] = positional(
-        "TOPIC",
-        "a topic to record, relative to the namespace; without one, the whole namespace",
-        nargs="*",
-    )
-    everything: bool = option(False, "record the topics of all namespaces", flag="--all")
-    regex: re.Pattern[str] | None = option(
-        None,
-        "record the topics, of any namespace, whose name contains this expression",
-        type=pattern,
-        metavar="EXPRESSION",
-    )
-    exclude: re.Pattern[str] | None = option(
-        None,
-        "record no topic whose name contains this expression",
-        type=pattern,
-        metavar="EXPRESSION",
-    )
-    out: str = required("the bag's new folder; nothing is overwritten", metavar="DIR")
-    namespace: str = namespace_option("namespace to record and to resolve names in")
-    compression: str = option(
-        "zstd", "compression of the bag's chunks (default: %(default)s)", choices=COMPRESSIONS
-    )
-    duration: float | None = run_time_option()
-    max_loss: float = option(
-        1.0,
-        "seconds of messages that a crash may cost at most, where processor and disk keep up "
-        "(default: %(default)g)",
-        POSITIVE_SECONDS,
-    )
-    max_bag_size: int | None = option(
-        None, "begin a new file of the bag before one is larger (default: one file)", BYTES
-    )
-    max_bag_duration: float | None = option(
-        None,
-        "begin a new file of the bag when one lasts as long (default: one file)",
-        POSITIVE_SECONDS,
-    )
-    max_disk: int | None = option(
-        None, "stop before the whole bag is larger, with exit code 1 (default: no limit)", BYTES
-    )
-    min_free: int = option(
-        64 * 2**20,
-        "stop before the disk has less free space, with exit code 1 (default: %(default)d)",
-        BYTES,
-    )
-    max_cache_size: int = option(
-        256 * 2**20, "messages that may wait for the disk (default: %(default)d)", BYTES
-    )
-    start_paused: bool = option(False, "record only when the service ~/resume is called")
-    with_parent: bool = parent_flag()
-    allow_empty: bool = option(
-        False, "exit code 0 also if a requested topic never appears, or no message arrives"
-    )
-    ready_fd: int | None = option(
-        None,
-        "write one line to this open file descriptor when the recording begins",
-        type=int,
-        metavar="N",
-    )
-
+from rpud_sim.ros.options import RecordOptions
 
 Item = Message | Callable[[BagWriter], object]
 

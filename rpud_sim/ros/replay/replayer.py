@@ -30,15 +30,9 @@ from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import UnknownTypeError, filled, message_class
+from rpud_sim.ros.options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.process import StopRequest, running_ros
-from rpud_sim.ros.replay.playback import (
-    DISCOVERY_TIME,
-    Messages,
-    Playback,
-    PlaybackError,
-    ReplayOptions,
-    read_ahead,
-)
+from rpud_sim.ros.replay.playback import Messages, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.threads import quick_switches, raised, serve, settled_memory
 
 _PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself

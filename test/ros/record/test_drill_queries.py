@@ -10,9 +10,10 @@ from rpud_msgs.srv import GetJournal
 from support import until
 
 from rpud_sim.bag import Message
+from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record.drill_queries import JournalQuery
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake, RecordOptions
+from rpud_sim.ros.record.writing import Intake
 
 LATCHED = QoSProfile(depth=2, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FIRST_TIME = 1_000  # publishing time of entry 0 [ns]

@@ -13,9 +13,10 @@ from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import Losses
+from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake, RecordOptions
+from rpud_sim.ros.record.writing import Intake
 
 RELIABLE = QoSProfile(depth=100)
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

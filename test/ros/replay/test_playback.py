@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from support import real_time_permitted
 
 from rpud_sim.bag import Message
-from rpud_sim.ros.replay.playback import RATE, Playback, PlaybackError, ReplayOptions, read_ahead
+from rpud_sim.ros.options import RATE, ReplayOptions
+from rpud_sim.ros.replay.playback import Playback, PlaybackError, read_ahead
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND

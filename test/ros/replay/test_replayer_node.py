@@ -15,7 +15,8 @@ from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
-from rpud_sim.ros.replay.playback import Playback, ReplayOptions
+from rpud_sim.ros.options import ReplayOptions
+from rpud_sim.ros.replay.playback import Playback
 from rpud_sim.ros.replay.replayer import Replayer, offer_services
 
 DATA = Path(__file__).parents[2] / "data"
