@@ -15,7 +15,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from rpud_sim.ros.environment import robot_description
+from rpud_sim.ros.process import robot_description
 
 
 def find_packages(context: LaunchContext) -> None:

@@ -18,7 +18,7 @@ from unittest.mock import patch
 import yaml
 
 from rpud_sim.foundation.child_process import ChildProcess
-from rpud_sim.ros.environment import PROFILE, loopback_variables
+from rpud_sim.ros.process import PROFILE, loopback_variables
 
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
 _LAST_DOMAIN = 101

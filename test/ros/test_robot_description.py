@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from rpud_sim.ros.environment import robot_description
+from rpud_sim.ros.process import robot_description
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
