@@ -20,16 +20,18 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.client.calls import CommandSender, ServiceCaller, to_time
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
+    CommandSender,
     ListeningNode,
     NoAnswerError,
     NoDrillError,
     RefusedError,
+    ServiceCaller,
     Value,
     drill_nodes,
     no_drill,
+    to_time,
 )
 from rpud_sim.ros.client.topics import FastTopics, Sink, TopicListener
 
