@@ -7,7 +7,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rpud_sim.foundation.options import (
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.schema import (
     BYTES,
     POSITIVE_SECONDS,
     bag_argument,
@@ -20,7 +21,6 @@ from rpud_sim.foundation.options import (
     run_time_option,
     start_option,
 )
-from rpud_sim.foundation.quantities import Quantity
 
 # Names of the writer's compressions; repeated, because the writer takes long to load.
 COMPRESSIONS = ("none", "zstd")
