@@ -96,7 +96,7 @@ class CampaignSystem:
                     "installed ROS; use command here"
                 )
             given = (f"{name}:={_launch_text(value)}" for name, value in self.arguments.items())
-            return sys.executable, "-m", "rpud_sim.testing.processes", str(file), *given
+            return sys.executable, "-m", "rpud_sim.testing.launcher", str(file), *given
         try:
             words = shlex.split(self.command)
         except ValueError as error:

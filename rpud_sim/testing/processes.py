@@ -10,7 +10,6 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -149,21 +148,3 @@ def _to_ros(values: Mapping[str, Any]) -> dict[str, Any]:
         name: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
         for name, value in values.items()
     }
-
-
-def main(words: list[str]) -> int:
-    """Launch a file and return the exit code; what it started ends with it."""
-    launch = import_module("launch")
-    actions = import_module("launch.actions")
-    sources = import_module("launch.launch_description_sources")
-    include = actions.IncludeLaunchDescription(
-        sources.AnyLaunchDescriptionSource(words[0]),
-        launch_arguments=[tuple(word.split(":=", 1)) for word in words[1:]],
-    )
-    service = launch.LaunchService(noninteractive=True)  # it interrupts what it started
-    service.include_launch_description(launch.LaunchDescription([include]))
-    return int(service.run())
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
