@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import BAG, JSON, RUN, command, run_number_option
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
-from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.schema import (
+from rpud_sim.foundation.options import (
     SECONDS,
     duration_option,
     option,
@@ -18,6 +17,7 @@ from rpud_sim.foundation.schema import (
     required,
     start_option,
 )
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.time import SECOND, split_seconds
 

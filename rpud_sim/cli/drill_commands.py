@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
 from rpud_sim.cli.program import CommandError, ExitCode
+from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.schema import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ from rpud_sim.cli.program import (
     run_program,
     status_line,
 )
-from rpud_sim.foundation.schema import parent_flag
+from rpud_sim.foundation.options import parent_flag
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.options import RecordOptions, ReplayOptions
 

@@ -9,8 +9,8 @@ from contextlib import suppress
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
+from rpud_sim.foundation.options import DOMAIN, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.schema import DOMAIN, bag_argument, option
 from rpud_sim.foundation.terminal import printable
 
 RUN = Quantity("", "number of a run", 1, 1e9, whole=True)

@@ -17,14 +17,14 @@ from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
 from rpud_sim.cli.options import PARAMETERS, PLACE, command, parameter_values
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.foundation.child_process import RPUD, ChildProcess
-from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.schema import (
+from rpud_sim.foundation.options import (
     POSITIVE_SECONDS,
     namespace_option,
     option,
     positional,
     run_time_option,
 )
+from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.options import RecordOptions
 

@@ -19,8 +19,8 @@ from rpud_sim.cli.options import (
     run_number_option,
 )
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
+from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, option, required
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.schema import POSITIVE_SECONDS, SECONDS, option, required
 from rpud_sim.foundation.terminal import cell, complain, printable
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import AT_MOST_ONE, JSON, command
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
+from rpud_sim.foundation.options import option, positional, required
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.schema import option, positional, required
 from rpud_sim.foundation.terminal import printable, table
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
 from rpud_sim.cli.program import CommandError, ExitCode, failing, print_result, progress_bar
-from rpud_sim.foundation.schema import option, positional
+from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.whole_folder import whole_file
 

@@ -7,8 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.schema import (
+from rpud_sim.foundation.options import (
     BYTES,
     POSITIVE_SECONDS,
     bag_argument,
@@ -21,6 +20,7 @@ from rpud_sim.foundation.schema import (
     run_time_option,
     start_option,
 )
+from rpud_sim.foundation.quantities import Quantity
 
 # Names of the writer's compressions; repeated, because the writer takes long to load.
 COMPRESSIONS = ("none", "zstd")
