@@ -15,7 +15,7 @@ import math
 from rpud_sim.model import resonator, tolerances
 from rpud_sim.model.closed_form import advance_phase, turn_at
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.drill import follow_impact, open_impact
+from rpud_sim.model.impact import follow_impact, open_impact
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
 from rpud_sim.model.search import (
     END_AMPLITUDE,

@@ -13,8 +13,9 @@ from trajectories import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_pla
 
 from rpud_sim.model.contact import single_contact
 from rpud_sim.model.contact_models import CONTACT_MODELS
-from rpud_sim.model.drill import derive, open_impact
+from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Buffers, Engine, EngineError
+from rpud_sim.model.impact import open_impact
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resets import Collisions
 from rpud_sim.model.segment import (
