@@ -213,11 +213,18 @@ def action_of(kind: str, content: Mapping[str, Any]) -> Action:
     return _ACTIONS[kind](content)
 
 
+def whole_time(value: Any) -> int:
+    """Return a time or a duration out of a journal [ns]; a ValueError says that it is none."""
+    if type(value) is not int or not 0 <= value < NEVER:
+        raise ValueError(f"{value!r:.40} is no time in ns")
+    return value
+
+
 _ACTIONS: Mapping[str, Callable[[Mapping[str, Any]], Action]] = {
     "weight_on_bit": lambda content: WeightOnBit(content["force"]),
     "drive": lambda content: Drive(content["enabled"], content["voltage"], content["frequency"]),
     "feed": lambda content: Feed(content["mode"], content["value"]),
-    "inject": lambda content: Inject(Fault(**content["fault"]), content["duration"]),
+    "inject": lambda content: Inject(Fault(**content["fault"]), whole_time(content["duration"])),
     "clear": lambda content: Clear(
         content["number"], content.get("kind", ""), content.get("channel", "")
     ),

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of
+from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of, whole_time
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.scenario_file import scenario_of
+from rpud_sim.simulation.scenario_file import SEED, scenario_of
 from rpud_sim.simulation.versions import ENGINE, engine_versions
 
 _UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)
@@ -62,13 +62,14 @@ class Beginning:
         """
         faults = []
         for planned in content["faults"]:
-            onset, clear = planned["onset"], planned["clear"]
+            onset, clear = whole_time(planned["onset"]), planned["clear"]
             fault = Fault(planned["kind"], planned["channel"], planned["magnitude"])
-            faults.append(Change(onset, Inject(fault, 0 if clear is None else clear - onset)))
+            duration = 0 if clear is None else whole_time(clear - onset)
+            faults.append(Change(onset, Inject(fault, duration)))
         return Beginning(
             to_settings(content["parameters"]),
             float(content["initial_phase"]),
-            content["seed"],
+            int(SEED.check("seed", content["seed"])),
             tuple(faults),
         )
 

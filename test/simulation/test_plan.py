@@ -92,6 +92,7 @@ BEGIN = Beginning(to_settings({"regime": "free"})).to_journal()
         ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
         ("weight_on_bit", 5, {}, "KeyError"),
         ("begin", 5, BEGIN, "there is no such kind"),
+        ("inject", 5, {"fault": {"kind": "lost_preload"}, "duration": 1.5}, "1.5 is no time"),
     ],
 )
 def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
@@ -108,6 +109,11 @@ def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
         ({"parameters": {}}, "KeyError"),
         ({**BEGIN, "parameters": {"telemetry_rate": 0}}, "telemetry_rate = 0"),
         ({**BEGIN, "faults": [{"kind": "noise"}]}, "KeyError"),
+        ({**BEGIN, "seed": 1e308}, r"seed = 1e\+308"),
+        (
+            {**BEGIN, "faults": [{**vars(Fault("off", "wrench")), "onset": 0.5, "clear": None}]},
+            "0.5 is no time",
+        ),
     ],
 )
 def test_a_beginning_that_cannot_be_is_named(content, reason):
