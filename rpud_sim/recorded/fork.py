@@ -25,8 +25,7 @@ from rpud_sim.simulation.changes import (
     journal_form,
 )
 from rpud_sim.simulation.configuration import PARAMETERS
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Plan, Start
+from rpud_sim.simulation.plan import Journal, Plan, Start
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import offered_topics
 

@@ -21,7 +21,7 @@ from rpud_sim.bag.columns import FieldReader, Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.recorded import RecordingError
-from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.topics import PROVED, TOPICS
 
 JOURNAL = TOPICS["journal"].type

@@ -27,8 +27,7 @@ from rpud_sim.bag.metadata import (
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Plan
+from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, offered_topics
 

@@ -34,8 +34,7 @@ from rpud_sim.recorded.output import Damages
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import ChangeError
-from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.plan import Plan
+from rpud_sim.simulation.plan import JournalEntry, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.simulation.versions import engine_of, other_engine

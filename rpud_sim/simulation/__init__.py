@@ -42,8 +42,7 @@ from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, run_
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
+from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario_file import read_scenario

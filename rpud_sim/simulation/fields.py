@@ -27,7 +27,7 @@ from rpud_sim.foundation.values import Sequences
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.faults import FaultLedger, FaultRecord
-from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.sampling import SEGMENT_ARRAYS, Samples
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS, Fields

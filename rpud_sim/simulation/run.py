@@ -29,8 +29,7 @@ from rpud_sim.simulation.commands import DriveChange
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Plan
+from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import RecentEnergy
 from rpud_sim.simulation.telemetry import Stream, Telemetry

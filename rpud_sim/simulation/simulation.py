@@ -37,7 +37,7 @@ from rpud_sim.simulation.faults import (
     effects_of,
     supported_kinds,
 )
-from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plan import Journal
 from rpud_sim.simulation.plant import Plant, rpud_constants
 
 # Refusals that are kept until they are drained; the oldest are dropped.

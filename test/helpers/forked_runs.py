@@ -15,8 +15,7 @@ from rpud_sim.simulation.changes import Clear, Configure, Inject
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import TOPICS

@@ -21,7 +21,7 @@ from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
-from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.plan import JournalEntry
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")

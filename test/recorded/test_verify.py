@@ -23,8 +23,7 @@ from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS
 

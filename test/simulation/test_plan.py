@@ -26,8 +26,7 @@ from rpud_sim.simulation.changes import (
 from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
+from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
 
 FAULTS = (
     Change(12_345_678, Inject(Fault("lost_preload", "", 0.5), 30_000_000)),

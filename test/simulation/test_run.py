@@ -26,8 +26,7 @@ from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, stamp_of
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 
 SECOND = 1_000_000_000

@@ -17,7 +17,7 @@ from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plan import Journal
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000

@@ -20,8 +20,7 @@ from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation

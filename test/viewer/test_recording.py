@@ -11,8 +11,7 @@ from sample_bags import write_bag
 
 from rpud_sim.recorded.runs import RecordedEntry, RecordedRun
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.plan import Beginning
+from rpud_sim.simulation.plan import Beginning, JournalEntry
 from rpud_sim.viewer import recording as recordings
 from rpud_sim.viewer.frames import ClientState
 from rpud_sim.viewer.recorded import RecordedStore

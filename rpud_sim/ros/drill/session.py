@@ -22,8 +22,7 @@ from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plan import Beginning, Plan, Start
+from rpud_sim.simulation.plan import Beginning, Journal, Plan, Start
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import offered_topics
 
