@@ -89,7 +89,6 @@ setup(
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
         "web": WEB,  # watch, report, compare: whatever writes or serves a page of recorded runs
-        "report": WEB,  # the same by its former name
         "export": EXPORT,
         "studies": STUDIES,  # sweep, fit
         "cluster": [*STUDIES, "distributed"],
