@@ -3,55 +3,33 @@
 from __future__ import annotations
 
 import itertools
-import math
 import os
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.journal import installed_codec
-from rpud_sim.recorded.rebuild import RecordedSegments, recorded_segments
-from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
 from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
 from rpud_sim.viewer.history import (
     IMPACTS,
-    IMPACTS_TYPE,
-    MOTION,
-    SECTION,
     History,
     Signal,
     plain_status,
     seconds,
     with_gaps,
 )
-from rpud_sim.viewer.recording import STATUS_TYPE, TRAJECTORY_TYPE, Reading, RecordedBag
+from rpud_sim.viewer.recording import STATUS_TYPE, Reading, RecordedBag
+from rpud_sim.viewer.waveforms import CHANNELS, Waveform, Waveforms
 
 if TYPE_CHECKING:
     from rpud_sim.viewer.server import PageServer, Place
-
-# Samples of a rebuilt waveform, before those that no screen can show are left out.
-SAMPLES = 100_000
-
-HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], that of ``rpud export``
-SECTION_RATE = 60_000  # of the samples of a section [Hz]
-
-# Channels by the quantities that they show.
-CHANNELS = {
-    "nodal_plane": "nodal_plane_position",
-    "actuator": "actuator_position",
-    "free_mass": "free_mass_position",
-    "drill_tool": "drill_tool_displacement",
-    "contact_force": "contact_force",
-    "reacting_force": "reacting_force",
-}
 
 MESSAGES, WAVEFORM = "messages", "waveform"  # what a near view is made of
 MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages themselves [s]
@@ -62,107 +40,6 @@ _MOST_BACK = 50  # chunks that are searched for the latest status
 _REFRESH = 1.0  # shortest time between pictures of what was read on [s]
 _SLICE = 0.07  # longest time for which a question reads on [s]
 _MOST_GAPS = 300
-
-
-class Stretch(NamedTuple):
-    """Samples of the waveform without a gap; those of before and after it are missing."""
-
-    times: np.ndarray  # since the bag began, shape (n,), at least one [s]
-    channels: Mapping[str, np.ndarray]  # by name, shape (n,)
-
-
-class Waveforms:
-    """Waveforms of one drill in a bag, and the impacts in them."""
-
-    def __init__(self, recording: RecordedBag, drill: str) -> None:
-        self._recording, self._drill = recording, drill
-        self._topic = recording.topic(drill, TRAJECTORY_TYPE)
-        self._impacts = recording.topic(drill, IMPACTS_TYPE)
-        self._codec = installed_codec(TRAJECTORY_TYPE)
-
-    def __bool__(self) -> bool:
-        """Whether there are any."""
-        return bool(self._topic)
-
-    def between(self, start: float, end: float, rate: int | None = None) -> list[Stretch]:
-        """Return the exact samples between two times since the bag began [s], in their order.
-
-        ``rate`` is whole [Hz]; None for one that gives about ``SAMPLES``.
-        """
-        if rate is None:
-            rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
-        found = []
-        for zero, segments in self._stretches(start, end):
-            first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
-            last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
-            if last > first:
-                samples = sample(segments, Times.from_grid(first, last - first, rate))
-                times = np.arange(first, last, dtype=np.int64) / rate + zero
-                found.append(Stretch(times, vars(samples)))
-        return sorted(found, key=lambda stretch: float(stretch.times[0]))
-
-    def section(self, end: float) -> dict[str, Any] | None:
-        """Return the field ``section`` of a frame: the motion until a time [s]; None without any.
-
-        It begins after the last gap.
-        """
-        found = self.between(end - SECTION, end, SECTION_RATE)
-        if not found:
-            return None
-        times, channels = found[-1]
-        arrays = {name: channels[CHANNELS[name]].astype(np.float32) for name in MOTION}
-        struck, *rest = self.impacts(float(times[0]), end)
-        impacts = np.column_stack([struck - times[0], *rest]).tolist()
-        return {"period": 1.0 / SECTION_RATE, "time": times[0], "impacts": impacts, **arrays}
-
-    def impacts(self, start: float, end: float) -> np.ndarray:
-        """Return times [s], peak forces [N] and durations [s] of impacts in a range: (3, n)."""
-        numbers = self._recording.chunks_between(self._drill, start, end)
-        columns = ("peak_force", "contact_duration")
-        found = self._recording.series(self._impacts, columns, numbers)
-        return found[:, (found[0] >= start) & (found[0] <= end)]
-
-    def next_impact(self, time: float, *, back: bool = False) -> dict[str, float] | None:
-        """Return the first impact after a time since the bag began [s], or the last before it."""
-        recording = self._recording
-        for number in recording.chunks_from(self._drill, time, back=back):
-            if self._impacts in recording.chunks[number].topics:
-                found = self.impacts(*(recording.span(self._drill, number) or (0.0, -1.0)))
-                found = found[:, found[0] < time if back else found[0] > time]
-                if found.size:
-                    names = ("time", "peak_force", "contact_duration")
-                    return dict(zip(names, found[:, -1 if back else 0].tolist(), strict=True))
-        return None
-
-    def _stretches(self, start: float, end: float) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield gapless stretches of the trajectory, and when in the bag their time zero was [s].
-
-        They cover a range, and begin before it and end after it.
-        """
-        recording = self._recording
-        held: list[np.ndarray] = []
-        zero = 0.0
-        for each in self._segments(start, end) if self._topic else ():
-            begin = (each.origin - recording.offset(self._topic, each.published)) / SECOND
-            if held and not (each.follows and begin == zero):
-                yield zero, np.concatenate(held)
-                held = []
-            held.append(each.segments)
-            zero = begin
-        if held:
-            yield zero, np.concatenate(held)
-
-    def _segments(self, start: float, end: float) -> Iterator[RecordedSegments]:
-        recording = self._recording
-        numbers = enumerate(recording.chunks_between(self._drill, start, end))
-        # Chunks that follow each other.
-        for _, adjacent in itertools.groupby(numbers, lambda each: each[1] - each[0]):
-            parts = (recording.messages(number, self._topic) for _, number in adjacent)
-            messages = sorted(itertools.chain(*parts), key=lambda message: message.log_time)
-            try:
-                yield from recorded_segments(messages, self._codec, recording.path)
-            except BagError:
-                continue  # what came before the damage is drawn
 
 
 class RecordedDrill(History):
@@ -240,7 +117,7 @@ class RecordedDrill(History):
         if near:
             struck = "peak_force" in layers and len(layers["peak_force"]["t"]) > 0
             for quantity, channel in CHANNELS.items():
-                silent = not any(stretch.channels[channel].any() for stretch in near)
+                silent = not any(waveform.channels[channel].any() for waveform in near)
                 # Before drilling an impact has no duration.
                 if not (channel == "contact_force" and silent and struck):
                     layers[quantity] = _waveform_layer(near, channel, width)
@@ -449,10 +326,10 @@ def serve_bag(
         server.run()
 
 
-def _waveform_layer(stretches: Sequence[Stretch], channel: str, most: int) -> Layer:
+def _waveform_layer(waveforms: Sequence[Waveform], channel: str, most: int) -> Layer:
     """Return a channel with every peak, and NaN where samples are missing."""
     parts = []
-    for times, channels in stretches:
+    for times, channels in waveforms:
         part = thinned(times, channels[channel], most)
         parts += [part, {"t": part["t"][-1:], "mean": np.full(1, np.nan)}]
     return {name: np.concatenate([part[name] for part in parts[:-1]]) for name in ("t", "mean")}
