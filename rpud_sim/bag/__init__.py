@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from rpud_sim.bag.mcap_reader import BagChunk
     from rpud_sim.bag.metadata import Losses, QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
-    from rpud_sim.bag.recovery import Recovery, TopicRecovery, recover
+    from rpud_sim.bag.recovery import recover
+    from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
     from rpud_sim.bag.tables import Batch
     from rpud_sim.bag.writer import BagWriter, whole_bag
 
@@ -57,7 +58,8 @@ _MODULES = {
     "metadata": ("Losses", "QosProfile", "Topic", "TopicSummary"),
     "mcap_reader": ("BagChunk",),
     "reader": ("BagReader",),
-    "recovery": ("Recovery", "TopicRecovery", "recover"),
+    "recovery": ("recover",),
+    "recovery_account": ("Recovery", "TopicRecovery"),
     "tables": ("Batch",),
     "writer": ("BagWriter", "whole_bag"),
 }

@@ -12,7 +12,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,6 @@ from rpud_sim.bag.metadata import (
     OFFERED_QOS_KEY,
     RECORD_NAME,
     RECORDING_RECORD,
-    Losses,
     QosProfile,
     Topic,
     dump_offered_qos,
@@ -53,80 +51,19 @@ from rpud_sim.bag.records import (
     records_in,
     uncompressed,
 )
+from rpud_sim.bag.recovery_account import Recovery
 from rpud_sim.bag.writer import BagWriter, whole_bag
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
 
 _LONGEST_NAME = 32  # of a compression [bytes]
-_SHOWN = 1000  # damages that are kept one by one
 _BLOCK = 1 << 20  # bytes that are searched together
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
 _EFFORT = 2**30  # bytes that a search may read, beside four times the file
 # A record that is worth finding: its kind, and a length below 4 GiB.
 _BEGINNING = re.compile(rb"[\x03-\x07\x0c](?=.{4}\x00{4})", re.DOTALL)
 _OF_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
-
-
-@dataclass
-class TopicRecovery:
-    """Recovered and lost messages of one topic."""
-
-    name: str  # of the topic
-    type: str  # of its messages
-    recovered: int = 0  # messages in the new bag
-    unchecked: int = 0  # those of them without a checksum
-    lost: int = 0  # messages that are known to have been in the file
-    # messages that the recorder lost; None if they were not counted
-    recording_losses: Losses | None = None
-
-
-@dataclass
-class Recovery:
-    """Result of a recovery."""
-
-    path: Path  # of the new bag
-    topics: dict[str, TopicRecovery] = field(default_factory=dict)  # by their names
-    # whether every file has the end of a closed one. If not, the messages that its recorder
-    # had not written yet are missing.
-    closed: bool = True
-    max_loss: float | None = None  # greatest duration of those messages [s]; None if it is unknown
-    size_lost: int = 0  # unreadable bytes
-    damage_count: int = 0  # unreadable places, and parts that the new bag cannot hold
-    damages: list[str] = field(default_factory=list)  # reasons for the first of these
-
-    def note(self, reason: str) -> None:
-        """Count a lost or omitted part, and keep the reason if there are few."""
-        self.damage_count += 1
-        if len(self.damages) < _SHOWN:
-            self.damages.append(reason)
-
-    def topic(self, name: str, type_name: str = "") -> TopicRecovery:
-        """Return the account of a topic, new if it was not known; its first type remains."""
-        topic = self.topics.setdefault(name, TopicRecovery(name, type_name))
-        topic.type = topic.type or type_name
-        return topic
-
-    @property
-    def message_count(self) -> int:
-        """Messages in the new bag."""
-        return sum(topic.recovered for topic in self.topics.values())
-
-    @property
-    def complete(self) -> bool:
-        """Whether nothing that the files ever held is missing."""
-        lost = any(topic.lost for topic in self.topics.values())
-        return self.closed and not (self.damage_count or lost)
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return the account as plain values."""
-        topics = [
-            {**vars(topic), "recording_losses": losses.total if losses else None}
-            for _, topic in sorted(self.topics.items())
-            for losses in (topic.recording_losses,)
-        ]
-        calculated = {"complete": self.complete, "message_count": self.message_count}
-        return {**vars(self), "path": str(self.path), **calculated, "topics": topics}
 
 
 def recover(
