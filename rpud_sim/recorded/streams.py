@@ -18,6 +18,7 @@ from rpud_sim.bag.encoder import Decoded
 from rpud_sim.foundation.time import SECOND, join_seconds
 
 _MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
+_MANY = 2**22  # size of messages that are read together [bytes]
 _FEW = 2**16  # size of messages that are better given together [bytes]
 _STAMP = slice(4, 12)  # of the header, after the four bytes that tell the encoding
 UNREADABLE = -(2**62)  # time of a message that is too short for a stamp [ns]
@@ -46,14 +47,18 @@ class TopicStreams:
         return stream
 
     def advance(self) -> bool:
-        """Read the next batch for the streams of its topic; return whether there was one."""
-        if (batch := next(self._together, None)) is None:
-            return False
-        if streams := [each for each in self._streams[batch.topic] if not each.closed]:
-            kept = batch.packed()  # a few messages must not keep a whole chunk
-            for each in streams:
-                each.add(kept)
-        return True
+        """Read the next batches for the streams of their topics; return whether there were any."""
+        goal = self.waiting + _MANY
+        found = False
+        while self.waiting < goal and (batch := next(self._together, None)) is not None:
+            found = True
+            if streams := [each for each in self._streams[batch.topic] if not each.closed]:
+                kept = batch.packed()  # a few messages must not keep a whole chunk
+                for each in streams:
+                    each.add(kept)
+            else:
+                goal -= len(batch.data)
+        return found
 
 
 class TopicStream:
