@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -337,6 +338,11 @@ class _Walk:
         self._place = self._place + counts
         self._check(self._data[self._starts + self._place - 1] == 0)
         ends = starts + counts - 1
+        if not isinstance(counts, np.ndarray):
+            content = gathered(self._data, starts, np.full(len(starts), counts - 1)).tobytes()
+            with suppress(UnicodeDecodeError):
+                if content == content[: counts - 1] * len(starts):  # as a frame's name
+                    return [content[: counts - 1].decode()] * len(starts)
         known: dict[bytes, str] = {}  # equal ones are decoded once, as a frame's name
         view, odd, found = self._data.data, [], []
         for row, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
