@@ -168,20 +168,3 @@ def test_the_project_s_first_stage_has_all_that_its_step_needs(tmp_path):
             assert done.returncode == 0, done.stderr
             assert "colcon build" in done.stdout
     assert made
-
-
-def test_the_project_s_recipes_install_the_same_packages():
-    def packages(text):
-        joined = re.sub(r"\\\n\s*", "", text)
-        found = re.search(r"install --no-install-recommends --yes ([\w+. -]+)", joined)[1]
-        return set(found.split()) - {"ca-certificates", "git"}  # are there on GitHub's machines
-
-    readme = re.search(r"`apt install (.*?)`", (ROOT / "README.md").read_text())[1]
-    for text in (GITHUB[OF_PROJECT], GITLAB[OF_PROJECT], DOCKER[OF_PROJECT]):
-        assert packages(text) == set(readme.split())
-
-
-def test_what_git_ignores_stays_out_of_the_image():
-    ignored = (ROOT / ".dockerignore").read_text().split()
-    for folder in (".venv", "build", "install", "log", "bags", "rpud-artefacts"):
-        assert folder in ignored

@@ -6,8 +6,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import yaml
-from drill_configurations import tables
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
@@ -108,14 +106,6 @@ def test_the_drill_tool_has_the_sections_of_the_paper():
         assert np.array(found) == pytest.approx(np.array(sections), rel=1e-5)
 
 
-def test_masses_are_those_of_the_paper_and_nothing_is_added():
-    found = {name for name, link in LINKS.items() if link.find("inertial") is not None}
-    assert found == {NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME}
-    assert mass(NODAL_PLANE_FRAME) == PARAMETERS.rpud_mass
-    assert mass(FREE_MASS_FRAME) == PARAMETERS.free_mass
-    assert mass(TOOL_TIP_FRAME) == tables("free").drill_tool_mass
-
-
 @pytest.mark.parametrize("link", [NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME])
 def test_moments_of_inertia_are_those_of_the_shape(link):
     parts = cylinders(link)
@@ -148,20 +138,6 @@ def test_the_limits_cover_what_the_drill_does(regime, weight_on_bit):
         assert np.max(position) < float(limit.get("upper"))
         assert np.max(np.abs(velocity)) < float(limit.get("velocity"))
         assert np.max(np.abs(effort)) < float(limit.get("effort"))
-
-
-def test_rviz_is_shown_frames_and_topics_that_exist():
-    manager = yaml.safe_load((ROOT / "config" / "display.rviz").read_text())[
-        "Visualization Manager"
-    ]
-    assert manager["Global Options"]["Fixed Frame"] in LINKS
-    topics = {
-        value["Value"]
-        for display in manager["Displays"]
-        for name, value in display.items()
-        if name.endswith("Topic")
-    }
-    assert topics == {"robot_description", "wrench"}
 
 
 FEED = ElementTree.parse(ROOT / "urdf" / "rpud_feed.urdf").getroot()

@@ -16,7 +16,6 @@ from rpud_sim.drilling.rock import (
     find_strata,
     inclusion_in,
     preset_layer,
-    uniform_strata,
 )
 from rpud_sim.foundation.quantities import ParameterError
 
@@ -84,11 +83,6 @@ def test_the_text_of_strata_gives_the_same_strata(drawn, ends):
     written = strata.to_text()
     assert "\n" not in written
     assert find_strata(written) == strata
-
-
-@pytest.mark.parametrize("energy", [1e3, 75e6, 1e12])
-def test_a_uniform_rock_is_as_strong_as_its_specific_energy(energy):
-    assert uniform_strata(energy) == Strata((Layer("rock", 0.0, energy, energy, 0.0, 0.0),))
 
 
 CHALK = "\n- {depth_from: 0, rock: chalk"

@@ -19,7 +19,6 @@ from rpud_sim.foundation.quantities import (
     Text,
     choice,
     declarations,
-    did_you_mean,
     flag,
     number,
     quantities,
@@ -88,11 +87,6 @@ def test_anything_is_shown_on_one_short_line_and_a_plain_name_plainly():
     names = ("gravity", "a b", "\x1b[31m", 3)
     assert [*map(shown_name, names)] == ["gravity", "a b", r"'\x1b[31m'", "3"]
     assert shown_name("x" * 61).startswith("'xxx")
-
-
-def test_the_nearest_name_is_suggested_or_all_of_them():
-    hints = [did_you_mean(name, iter(["gravity", "regime"])) for name in ("gravty", "zzz", 3)]
-    assert hints == ["did you mean gravity?", *["known are gravity, regime"] * 2]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -47,23 +47,6 @@ def test_the_browser_gets_every_quantity_in_plain_values():
     assert all(quantity.label and quantity.scale > 0.0 for quantity in QUANTITIES.values())
 
 
-@pytest.mark.parametrize(
-    ("unit", "value", "text"),
-    [
-        ("m", 35.5e-6, "35.5 µm"),
-        ("N", 4e3, "4 kN"),
-        ("kg", 5e-3, "5 g"),
-        ("kg", 1.0, "1 kg"),
-        ("s", 90.0, "90 s"),
-        ("1/s", 4000.0, "4000 /s"),
-        ("", 0.8, "0.8"),
-        ("rad", 1e-3, "0.001 rad"),
-    ],
-)
-def test_what_is_not_in_the_table_gets_a_readable_unit(unit, value, text):
-    assert quantity_in(unit, value).text(value) == text
-
-
 @given(st.floats(1e-9, 1e11))
 def test_a_readable_unit_leaves_one_to_three_digits_before_the_point(greatest):
     shown = quantity_in("N", greatest)
@@ -86,9 +69,3 @@ def test_a_sign_and_more_digits_are_on_demand():
     assert share.text(1e-7, sign=True) == "0 %"
     assert number_text(3.00149, 4) == "3.001"
     assert number_text(math.inf) == "–"
-
-
-@pytest.mark.parametrize("name", ["electrical_power", "weight_on_bit", "depth", "penetration_rate"])
-def test_what_is_measured_is_taken_from_its_topic_before_the_status(name):
-    """A running drill and its bag show the same: a status comes once a second."""
-    assert QUANTITIES[name].sources[-1] == f"Status.{name}"

@@ -93,29 +93,6 @@ def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number, ignored):
     assert os.listdir(tmp_path) == []
 
 
-_IMPATIENT = """
-import signal, sys
-from rpud_sim.cli.program import run_program
-from rpud_sim.foundation.whole_folder import whole_folder
-def trace(frame, event, argument):
-    if frame.f_code.co_name in ("rmtree", "end"):
-        signal.raise_signal(signal.SIGTERM)
-def run():
-    sys.settrace(trace)
-    with whole_folder("folder"):
-        signal.raise_signal(signal.SIGINT)
-run_program("writer", run if sys.argv[1] == "cleanup" else lambda: sys.settrace(trace))
-"""
-
-
-@pytest.mark.parametrize("during", ["cleanup", "end"])
-def test_a_signal_during_the_cleanup_or_the_end_is_no_error(tmp_path, during):
-    command = (sys.executable, "-c", _IMPATIENT, during)
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (128 + signal.SIGTERM, "")
-    assert os.listdir(tmp_path) == []
-
-
 def test_the_rest_of_a_killed_process_is_overwritten_and_a_link_is_not_followed(tmp_path):
     path = tmp_path / "table"
     precious = tmp_path / "precious"

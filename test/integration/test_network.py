@@ -134,17 +134,3 @@ def test_a_client_without_the_profile_finds_the_drill(process, client, tmp_path)
         assert [(each.topic.name, each.message_count > 0) for each in bag.topics] == [
             ("/rpud/status", True)
         ]
-
-
-def test_the_policy_has_the_schema_of_sros2():
-    """Its element and attribute names, as the XSD of its version 0.2.0 gives them."""
-    policy = ElementTree.parse(POLICY).getroot()
-    assert (policy.tag, policy.attrib) == ("policy", {"version": "0.2.0"})
-    for enclave in policy.find("enclaves"):
-        (profile,) = enclave.findall("profiles/profile")
-        assert enclave.get("path") == f"{profile.get('ns')}/{profile.get('node')}"
-        for group in profile:
-            assert group.tag in ("topics", "services", "actions")
-            assert set(group.attrib.values()) == {"ALLOW"}
-            assert {item.tag for item in group} == {group.tag[:-1]}
-            assert all(re.fullmatch(r"~?/?[a-z_/]+", item.text) for item in group)

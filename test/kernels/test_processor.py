@@ -34,10 +34,3 @@ def test_the_line_names_what_a_foreign_processor_lacks_and_where_its_kernels_go(
     assert "this processor lacks avx2, which the installed kernels" in line
     assert line.endswith(f"they are kept in {tmp_path / 'mine'}")
     assert "\n" not in line
-
-
-def test_the_line_says_that_nothing_can_be_kept(tmp_path):
-    (tmp_path / "taken").write_text("")
-    line = notice(Target(BASELINE), KernelStore((tmp_path / "taken", tmp_path / "taken" / "deep")))
-    assert "no compiled kernels for these sources" in line
-    assert f"nothing can be written to {tmp_path / 'taken'} nor {tmp_path / 'taken/deep'}" in line

@@ -28,14 +28,6 @@ def test_what_is_written_is_read_and_its_former_version_is_gone(store):
     assert list(store.folders[1].iterdir()) == [file]
 
 
-def test_another_function_type_or_processor_has_its_own_file(store):
-    others = ((0, "room.g"), (1, "(int64,)"), (2, "nehalem"))
-    names = [NAME, *(kernel_name(*WHAT[:i], other, *WHAT[i + 1 :]) for i, other in others)]
-    for name in names:
-        store.write(name, pickle.dumps(name))
-    assert [store.read(name) for name in names] == names
-
-
 def test_a_file_that_is_cut_short_or_changed_is_not_used(store):
     file = store.write(NAME, pickle.dumps("machine code"))
     data = file.read_bytes()
@@ -89,11 +81,6 @@ def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):
     assert [path.stat().st_mode & 0o777 for path in (file.parent, file)] == [0o755, 0o644]
 
 
-def test_without_any_folder_nothing_is_kept(store):
-    nowhere = KernelStore(store.folders[:1])
-    assert (nowhere.place(), nowhere.write(NAME, pickle.dumps(1))) == (None, None)
-
-
 def test_no_part_of_a_file_is_left_when_the_disk_is_full(store, monkeypatch):
     def full(path, data):
         path.touch()
@@ -112,12 +99,3 @@ def test_the_users_folder_is_that_of_xdg(monkeypatch, cache, folder):
     monkeypatch.setenv("HOME", "/h")
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
     assert [str(each) for each in user_folders()] == [folder or "/h/.cache/rpud_sim/kernels"]
-
-
-def test_a_user_without_a_home_has_no_folder(monkeypatch):
-    def homeless():
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr("pathlib.Path.home", homeless)
-    assert user_folders() == ()

@@ -69,23 +69,6 @@ def test_without_drive_everything_comes_to_rest(regime, weight):
     assert motion(last, DRILL_TOOL, 0.0) == pytest.approx(sag, abs=2e-8)
 
 
-def test_a_bouncing_mass_settles_in_few_impacts():
-    parameters = preset("free").replace(drill_tool_restitution=0.5, weight_on_bit=0.0)
-    engine = Engine(parameters, 0.0, drive=False)
-    for start, amplitude in ((0.1, 35e-6), (0.2, 0.0)):
-        engine.change(0, start, derive(parameters), (0.0, amplitude, 16000.0))
-    engine.advance(2, 0.0)
-    before = engine.impact_count
-    engine.advance(5, 0.0)
-    assert 0 < engine.impact_count == before < 1000
-
-
-def test_without_gravity_nothing_brings_the_mass_back_to_the_tool():
-    segments, impacts = run(preset("free").replace(gravity=0.0), 3.0, drive=False)
-    assert len(impacts) == 0
-    assert len(segments) < 400
-
-
 def test_gravity_on_the_drill_is_borne_by_both_springs():
     free = tables("free").replace(weight_on_bit=10.0, gravity_on_drill=True)
     segments, _ = run(free, 6.0, drive=False)
@@ -119,18 +102,6 @@ def test_blocks_are_parts_of_one_and_stay_as_they_are():
         blocks.append((block, block.copy()))
     assert all((block == content).all() for block, content in blocks)
     assert (np.concatenate([content for _, content in blocks]) == finished(whole)[0]).all()
-
-
-def test_impacts_are_counted_and_seen_before_they_are_drained():
-    engine = Engine(preset("drilling"))
-    found = []
-    for k in range(1, 40):
-        engine.advance(0, k * 1e-3)
-        found += engine.impacts_from(len(found))["sequence"].tolist()
-        assert engine.impact_count - len(found) in (0, 1)  # one in progress
-    _, impacts = finished(engine)
-    assert found == impacts["sequence"].tolist()
-    assert len(engine.impacts_from(0)) == 0
 
 
 def test_an_impact_in_the_rock_is_squeezed_only_if_a_contact_of_all_three_lasts():
@@ -172,13 +143,3 @@ def test_engines_with_shared_buffers_have_the_same_motion():
             engine.advance(second, 0.0)
         for one, other in zip(alone.drain(), sharing.drain(), strict=True):
             assert repack_fields(one).tobytes() == repack_fields(other).tobytes()
-
-
-def test_room_for_a_long_block_is_not_kept():
-    engine = Engine(preset("drilling").replace(free_mass=1e-4, vibration_frequency=1e5))
-    engine.advance(20, 0.0)
-    segments, _ = engine.drain()
-    assert len(segments) > 65536
-    assert len(engine._segment_room) == 65536
-    engine.advance(20, 0.1)
-    assert finished(engine)[0]["start_seconds"][0] in (19, 20)

@@ -9,13 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from support import examples
-from trajectories import finished
 
 from rpud_sim.model import resonator
 from rpud_sim.model.closed_form import advance_phase, turn_at, vibration_of
 from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.energy import actuator_work, held_motion
-from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.search import force_from_tip
@@ -173,14 +171,3 @@ def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time)
     assert work == pytest.approx(
         actuator_work(segment, held_motion(segment, 0.0), time), rel=1e-9, abs=1e-12
     )
-
-
-def test_a_drill_without_drive_comes_to_rest():
-    engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
-    drill = derive(preset("drilling"))
-    engine.change(0, 0.1, drill, (10.0, 0.0, 16000.0), 16000.0)
-    engine.advance(2, 0.0)
-    engine.drain()
-    engine.advance(3, 0.0)
-    assert len(finished(engine)[0]) <= 101
-    assert engine.amplitude == 0.0

@@ -8,7 +8,6 @@ import pytest
 from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy,
-    HistoryPolicy,
     LivelinessPolicy,
     QoSProfile,
     ReliabilityPolicy,
@@ -17,7 +16,6 @@ from rclpy.qos import (
 from rpud_sim.bag.metadata import INFINITE
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.endpoints import AcknowledgedPublishers, is_satisfied, request_for
-from rpud_sim.ros.record.recorder_node import recorded_profile
 from rpud_sim.ros.replay.replayer import replay_offer
 
 
@@ -65,12 +63,6 @@ def test_what_its_time_paces_leaves_half_of_the_depth_for_a_hurry(made):
     assert publishers["few"].asked == [52]
 
 
-def test_where_a_message_may_be_overwritten_nothing_waits(made):
-    sent, publishers = made
-    send(sent, "lost", 1000)
-    assert publishers["lost"].asked == []
-
-
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -84,35 +76,6 @@ def test_a_request_is_as_strong_as_the_weakest_offer_and_connects_to_all():
         assert is_satisfied(request_for(offers, 5), offers)
     for offer, others in ((RELIABLE, [SENSOR]), (LATCHED, [RELIABLE, LATCHED])):
         assert not is_satisfied(request_for([offer], 5), others)
-
-
-def test_a_profile_is_recorded_in_rosbag2_s_words():
-    profile = QoSProfile(
-        depth=7,
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        deadline=Duration(seconds=1, nanoseconds=5),
-        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-    )
-    recorded = recorded_profile(profile)
-    assert (recorded.history, recorded.depth) == ("keep_last", 7)
-    assert recorded.reliability == "best_effort"
-    assert recorded.durability == "transient_local"
-    assert recorded.deadline == 1_000_000_005
-    assert recorded.liveliness == "manual_by_topic"
-
-
-def test_a_single_offer_is_replayed_as_it_was():
-    known = RecordedProfile(durability="transient_local", history="keep_last", depth=1)
-    assert replay_offer([known]).depth == 1
-    assert replay_offer([]).reliability == ReliabilityPolicy.RELIABLE
-    offer = replay_offer([RecordedProfile(reliability="best_effort", deadline=5, lifespan=6)])
-    assert offer.history == HistoryPolicy.KEEP_LAST
-    assert offer.reliability == ReliabilityPolicy.BEST_EFFORT
-    assert offer.durability == DurabilityPolicy.VOLATILE
-    assert offer.deadline == Duration(nanoseconds=5)
-    assert offer.lifespan == Duration(nanoseconds=6)
-    assert offer.liveliness == LivelinessPolicy.AUTOMATIC
 
 
 def test_of_different_offers_the_strongest_of_each_policy_is_replayed():

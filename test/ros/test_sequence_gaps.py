@@ -28,13 +28,6 @@ def test_several_publishers_that_lose_nothing_have_no_gaps(order, firsts):
     assert gaps.missing == 0
 
 
-def test_gaps_of_several_publishers_are_counted():
-    gaps = SequenceGaps(lambda: 2)
-    for number in (100, 5, 101, 6, 8, 104, 9, 105):
-        gaps.record(number)
-    assert gaps.missing == 1 + 2
-
-
 def test_thousands_of_short_publishers_leave_no_gap_and_no_trace():
     gaps = SequenceGaps(lambda: 2)
     for steady in range(5000, 10_000):

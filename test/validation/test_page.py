@@ -7,7 +7,7 @@ import pytest
 
 from rpud_sim.simulation import preset, to_configuration
 from rpud_sim.simulation.configuration import read_parameter_file
-from validation.choices import energy_shares, figure_12_implies
+from validation.choices import figure_12_implies
 from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES
 from validation.page import page
@@ -136,11 +136,3 @@ def test_the_tool_that_figure_12_implies_gives_figure_12():
 
     assert velocity / rate == pytest.approx(42e-6)
     assert free_mass * rate * velocity == pytest.approx(1650.0)
-
-
-def test_the_energy_after_a_blow_is_that_of_both_bodies():
-    shares = energy_shares(5e-3, 2e-3)
-
-    assert shares["common"] == pytest.approx(5 / 7)
-    assert shares["tool"] == pytest.approx(shares["common"] * 2 / 7)
-    assert shares["net"] == pytest.approx(1.0 - (5 / 7) ** 2)

@@ -1,27 +1,24 @@
 """Messages of any type as plain values, and fast ones without rclpy."""
 
-import json
-import math
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovariance
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
-from rpud_msgs.msg import Fault, Faults, ReactingForce, Status, Waveform
+from rpud_msgs.msg import Fault, Faults, ReactingForce, Waveform
 from sensor_msgs.msg import Image
 from std_msgs.msg import Byte, ByteMultiArray, Header, Int32, String
-from support import PATIENCE, examples
+from support import PATIENCE
 
 from rpud_sim.bag import BagFormatError
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.values import finite_values
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode
 from rpud_sim.ros.client.topics import (
     _TYPES,
@@ -86,14 +83,6 @@ def test_a_best_effort_publisher_that_comes_later_is_received_too(talker, listen
     assert heard[0].data == 7
 
 
-def test_a_publisher_of_a_topic_that_only_had_a_subscription_is_received(talker, listening):
-    talker.create_subscription(Status, "later", print, 10)
-    listener = TopicListener(listening, "later")
-    publisher = talker.create_publisher(Status, "later", LATCHED)
-    publisher.publish(Status(state="running"))
-    assert first(listener)[0].state == "running"
-
-
 def test_a_topic_that_is_not_there_is_one_line_with_the_nearest_name(talker, listening):
     talker.create_publisher(String, "speech", 10)
     TopicListener(listening, "speech")
@@ -149,18 +138,6 @@ def test_long_arrays_and_texts_are_cut_unless_all_is_wanted():
     assert to_plain(String(data="x" * 200), CUT) == {"data": "x" * CUT + "..."}
     assert len(to_plain(Image(data=bytes(1000)))["data"]) == 1000
     assert to_plain(Image(data=bytes(CUT)), CUT)["data"] == [0] * CUT
-
-
-@settings(max_examples=examples(30))
-@given(st.lists(st.floats(width=64), max_size=5), st.text(max_size=5))
-def test_json_has_every_message_with_null_for_what_is_no_number(values, text):
-    faults = Faults(faults=[Fault(kind=text, magnitude=value) for value in values])
-    line = json.dumps(finite_values(to_plain(faults)), allow_nan=False)
-    read = json.loads(line)["faults"]
-    assert [each["magnitude"] for each in read] == [
-        value if math.isfinite(value) else None for value in values
-    ]
-    assert all(each["kind"] == text for each in read)
 
 
 def test_a_path_leads_through_messages_and_arrays():
@@ -219,10 +196,3 @@ def test_another_encapsulation_or_version_of_a_type_is_no_value(change):
     assert decoded(ReactingForce, data)[1] == (3.0,)
     with pytest.raises(BagFormatError):
         decoded(ReactingForce, change(data))
-
-
-@given(st.binary(max_size=300))
-def test_other_bytes_are_no_message_and_nothing_worse(data):
-    for kind in _TYPES.values():
-        with suppress(BagFormatError):
-            decoded(kind, data)

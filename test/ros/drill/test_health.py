@@ -13,9 +13,8 @@ from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.health import StatusReporter, diagnose
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.timeline import Pacer
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
-from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
@@ -82,13 +81,6 @@ def test_a_vibration_that_the_load_stalls_is_a_warning(weight, stalled):
     assert ("less than 5% of 35 um without load" in text) is stalled
 
 
-def test_a_hole_as_deep_as_the_tool_is_long_is_a_warning():
-    sections = {"section_1_length": 1e-6, "section_2_length": 1e-6}
-    level, text, _ = diagnosed(ran(200, rock_model="specific_energy", **sections), "drill")
-    said = "the hole is as deep as the drill tool is long: it gets no deeper"
-    assert (level, text) == (WARN, said)
-
-
 def test_steps_of_the_arm_that_lose_power_are_a_warning():
     run = ran(100, feed_model="arm", initial_feed=0.004)
     level, _, values = diagnosed(run, "drill")
@@ -97,30 +89,6 @@ def test_steps_of_the_arm_that_lose_power_are_a_warning():
     level, text, _ = diagnosed(run, "drill", coupling_power=-0.06 * power)
     assert level == WARN
     assert f"steps of the arm lose {-0.06 * power:.3g} W, more than 5% of" in text
-
-
-@pytest.mark.parametrize(
-    ("feed", "expected"),
-    [
-        (Feed("rate", -2.5e-4), {"feed_mode": "rate", "feed_value [m/s]": "-0.00025"}),
-        (Feed("position", 0.012), {"feed_mode": "position", "feed_value [m]": "0.012"}),
-        (None, {}),
-    ],
-)
-def test_the_feed_in_force_is_shown_in_the_unit_of_its_mode(feed, expected):
-    run = ran(20, feed, feed_model="arm", initial_feed=1e-3) if feed else ran()
-    values = diagnosed(run, "commands")[2]
-    assert {key: value for key, value in values.items() if key.startswith("feed")} == expected
-
-
-def test_the_walk_of_the_bit_is_shown_with_a_borehole():
-    run = ran(0, Feed("rate", 1e-3), feed_model="arm", initial_feed=1e-3, strata="sandstone")
-    assert diagnosed(run, "drill")[2]["side_offset [m]"] == "0"
-    run.simulation.inject(Fault("bit_walk"))
-    list(run.advance_to(200 * MILLISECOND))
-    walked = run.simulation.process.borehole.side_offset
-    assert diagnosed(run, "drill")[2]["side_offset [m]"] == f"{walked:g}" != "0"
-    assert "side_offset [m]" not in diagnosed(ran(), "drill")[2]
 
 
 class Drill:

@@ -39,9 +39,3 @@ def test_the_oldest_are_dropped_and_counted():
     assert numbers(store.read(0)) == list(range(1500, 2000))
     assert numbers(store.read(2500)) == list(range(2500, 2600))
     assert store.read(2600) == store.read(2**64 - 1) == []
-
-
-def test_a_million_entries_are_kept_in_little_memory():
-    store = stored(1_000_600)
-    assert store.first_kept == 500
-    assert sum(map(len, store._pages)) < 40e6

@@ -8,7 +8,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
-from support import PATIENCE, until
+from support import PATIENCE
 
 from rpud_sim.ros.drill.managed_node import ManagedNode
 
@@ -112,16 +112,3 @@ def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, cap
         assert not call(node, Trigger, "divide").success
     said = "request refused: Trigger: it raised ZeroDivisionError: division by zero"
     assert capfd.readouterr().err.count(said) == 2
-
-
-def test_a_destroyed_node_leaves_no_topic_behind(node):
-    peer = rclpy.create_node("peer")
-
-    def topics():
-        return {name for name, _ in peer.get_topic_names_and_types()}
-
-    until(lambda: "/managed/transition_event" in topics())
-    node.destroy_node()
-    node.destroy_node()  # a second time does nothing
-    until(lambda: "/managed/transition_event" not in topics())
-    peer.destroy_node()

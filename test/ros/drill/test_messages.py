@@ -1,6 +1,5 @@
 """Messages say what the fields say: right types, exact stamps, a trajectory that rebuilds."""
 
-import array
 import dataclasses
 import math
 
@@ -9,17 +8,12 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
-from rpud_msgs.msg import (
-    ContactForce,
-    DrillTool,
-    NodalPlane,
-    ReactingForce,
-    Status,
-    Trajectory,
-    Waveform,
-)
 from rpud_msgs.msg import Fault as FaultMessage
 from rpud_msgs.msg import Faults as FaultsMessage
+from rpud_msgs.msg import (
+    Status,
+    Trajectory,
+)
 from sensor_msgs.msg import JointState
 from support import trajectory_messages
 from trajectories import arrays_of
@@ -43,7 +37,6 @@ from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
-RATE = 50_000
 STAMPS = ORIGIN + np.array([0, 7])
 # Samples that are all different from each other.
 SAMPLES = Samples(
@@ -91,32 +84,6 @@ def trajectories(block, sequence):
     ]
 
 
-@pytest.mark.parametrize(
-    ("kind", "topic", "frame", "channels"),
-    [
-        (
-            *(NodalPlane, "nodal_plane", "rpud_nodal_plane"),
-            {"position": "nodal_plane_position", "velocity": "nodal_plane_velocity"},
-        ),
-        (
-            *(DrillTool, "drill_tool", "rpud_tool_tip"),
-            {
-                "displacement": "drill_tool_displacement",
-                "velocity": "drill_tool_velocity",
-                "in_contact": "in_contact",
-            },
-        ),
-        (ReactingForce, "reacting_force", "rpud_mount", {"force": "reacting_force"}),
-    ],
-)
-def test_a_sample_is_said_field_by_field(kind, topic, frame, channels):
-    message = said(kind, fields.sampled_fields(topic, SAMPLES, STAMPS))
-    assert nanoseconds(message.header.stamp) == ORIGIN + 7
-    assert message.header.frame_id == frame
-    expected = {field: getattr(SAMPLES, channel)[1] for field, channel in channels.items()}
-    assert values_of(message) == expected
-
-
 def test_wrench_and_joints_are_what_the_mount_feels_and_how_the_bodies_move():
     force = SAMPLES.reacting_force[1]
     wrench = said(WrenchStamped, fields.wrench_fields(SAMPLES, STAMPS))
@@ -140,39 +107,12 @@ def test_wrench_and_joints_are_what_the_mount_feels_and_how_the_bodies_move():
     assert joints.effort.tolist() == [force, 0.0, 0.0]
 
 
-def test_an_impact_is_said_field_by_field(block):
-    impacts = block.impacts.copy()
-    # The last one just before a whole second.
-    impacts["seconds"][-1], impacts["fraction"][-1] = 4, 1.0 - 1e-12
-    columns = fields.contact_force_fields(impacts, 0)
-    for number, impact in enumerate(impacts):
-        message = filled(ContactForce(), row(columns, number))
-        assert values_of(message) == {name: impact[name] for name in values_of(message)}
-        assert type(message.sequence) is int
-        assert message.header.frame_id == "rpud_tool_tip"
-        exact = int(impact["seconds"]) * SECOND + impact["fraction"] * 1e9
-        assert abs(nanoseconds(message.header.stamp) - exact) <= 0.5
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (5, 0)
-
-
 @pytest.mark.parametrize("time", [0, 1, SECOND - 1, SECOND, ORIGIN])
 def test_times_are_exact(time):
     message = nanoseconds_to_time(time)
     assert nanoseconds(message) == time
     assert 0 <= message.nanosec < SECOND
     assert fields.stamp_of({"header": fields.header_fields("reacting_force", time)}) == time
-
-
-def test_a_waveform_is_the_samples():
-    values = fields.waveform_fields(SAMPLES, np.array([12, 14]), RATE, ORIGIN)
-    message = filled(Waveform(), row(values, 0))
-    assert nanoseconds(message.header.stamp) == ORIGIN + 12 * SECOND // RATE
-    assert (message.sequence, message.sample_period) == (12, 1.0 / RATE)
-    channels = values_of(message, "sequence", "sample_period")
-    assert len(channels) == 6
-    for name, values in channels.items():
-        assert values.tolist() == getattr(SAMPLES, name).tolist(), name
-        assert isinstance(values, array.array)
 
 
 def test_a_trajectory_has_every_field_of_every_segment_and_is_cut_where_constants_change(block):

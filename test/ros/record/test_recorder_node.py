@@ -84,23 +84,6 @@ def test_what_is_no_name_is_refused(record, topics, namespace):
         record(topics, namespace)
 
 
-def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record):
-    publisher = peer.create_publisher(String, "a", RELIABLE)
-    recorder = discovered(record(), 1)
-    heard(publisher)
-    before = time.time_ns()
-    publisher.publish(String(data="hello"))
-    (topic, definition), message = take(recorder, 2)
-    assert topic.name == "/rpud/a"
-    assert topic.type == "std_msgs/msg/String"
-    assert topic.type_hash.startswith("RIHS01_df668c740482bbd4")
-    assert [offer.reliability for offer in topic.offered_qos] == ["reliable"]
-    assert definition.endswith("string data\n")
-    assert isinstance(message, Message)
-    assert message.data == b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
-    assert before <= message.publish_time <= message.log_time <= time.time_ns()
-
-
 def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(peer, record):
     publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in "abc"]
     recorder = discovered(record(), 3)
@@ -113,16 +96,6 @@ def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(pee
     times = [item.log_time for item in taken if isinstance(item, Message)]
     assert len(times) == 99
     assert times == sorted(times)
-
-
-def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(peer, record):
-    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = discovered(record(), 1)
-    publisher = peer.create_publisher(String, "command", RELIABLE)
-    heard(publisher, by=2)
-    publisher.publish(String(data="go"))
-    _, message = take(recorder, 2)
-    assert b"go" in message.data
 
 
 @pytest.mark.extended
@@ -151,14 +124,6 @@ def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
     assert topic.type_hash.startswith("RIHS01_")
 
 
-def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, record):
-    peer.create_publisher(String, "status", LATCHED).publish(String(data="latched"))
-    recorder = discovered(record(), 1)
-    (topic, _), message = take(recorder, 2)
-    assert b"latched" in message.data
-    assert topic.offered_qos[0].durability == "transient_local"
-
-
 def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong = peer.create_publisher(Int32, "a", RELIABLE)
     recorder = discovered(record(), 1)
@@ -173,19 +138,6 @@ def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong.publish(Int32(data=3))
     _, *taken = take(recorder, 4)
     assert sorted(message.data[4] for message in taken) == [1, 2, 3]
-
-
-def test_a_launch_file_s_namespace_is_recorded():
-    rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
-    recorder = Recorder(Intake(), RecordOptions(out="bag", topics=["a"], namespace="/rpud"))
-    try:
-        assert recorder.get_namespace() == "/launched"
-        recorder.create_publisher(String, "/launched/a", RELIABLE)
-        discovered(recorder, 1)
-        assert recorder.losses.keys() == {"/launched/a"}
-    finally:
-        recorder.destroy_node()
-        rclpy.try_shutdown()
 
 
 def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):

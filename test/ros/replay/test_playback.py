@@ -80,12 +80,6 @@ def test_every_message_comes_when_it_is_due(offsets, rate):
     assert stage.playback.published == len(offsets)
 
 
-def test_only_the_planned_part_comes():
-    stage = Stage(range(0, 10 * SECOND, SECOND), first=START + 3 * SECOND, last=START + 5 * SECOND)
-    stage.run()
-    assert stage.sent == [(3 * SECOND, 0), (4 * SECOND, SECOND), (5 * SECOND, 2 * SECOND)]
-
-
 def test_a_pause_puts_off_all_that_follows():
     stage = Stage([0, SECOND, 2 * SECOND])
     stage.run(0.5)
@@ -96,15 +90,6 @@ def test_a_pause_puts_off_all_that_follows():
     stage.playback.pause(False)
     stage.run()
     assert stage.sent == [(0, 0), (SECOND, 101 * SECOND), (2 * SECOND, 102 * SECOND)]
-
-
-def test_another_rate_holds_from_then_on():
-    stage = Stage([0, SECOND, 2 * SECOND])
-    stage.run(0.5)
-    stage.playback.set_rate(0.1)
-    stage.run()
-    assert stage.sent == [(0, 0), (SECOND, 5.5 * SECOND), (2 * SECOND, 15.5 * SECOND)]
-    assert stage.playback.rate == 0.1
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * RATE.maximum])
@@ -187,22 +172,6 @@ def test_a_loop_begins_again_a_moment_later():
     assert all(reading.gi_frame is None for reading in stage.opened[:-1])
 
 
-def test_a_change_between_two_passes_makes_the_next_one_no_earlier():
-    stage = Stage([0, SECOND], loop=True)
-    stage.run(1.05)
-    stage.playback.set_rate(1.0)
-    stage.run(0.5)
-    assert stage.sent[2:] == close_to([(0, 1.1 * SECOND)])
-
-
-def test_a_loop_goes_on_after_any_seek():
-    stage = Stage([0, SECOND], loop=True, first=START)
-    stage.run(0.5)
-    stage.playback.seek(START + SECOND)
-    stage.run(0.2)
-    assert [offset for offset, _ in stage.sent] == [0, SECOND, 0]
-
-
 def test_the_clock_ticks_by_the_real_time_and_stands_while_it_is_paused():
     stage = Stage([0, SECOND], rate=2.0, clock=10.0)
     stage.run(0.25)
@@ -277,36 +246,6 @@ def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND], start_paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
-
-
-def test_requests_have_their_turn_within_a_millisecond_of_publishing():
-    stage = Stage([0] * 100, takes=300_000)
-    for turn in range(1, 26):
-        assert stage.playback.advance() == 0.0
-        assert len(stage.sent) == stage.playback.published == 4 * turn
-    assert stage.playback.advance() is None
-    assert stage.playback.lateness.count == 100
-
-
-def test_a_stop_ends_it_also_within_a_bundle():
-    stage = Stage([0] * 10)
-    stage.sent = StopsAt(3, stage.playback)
-    assert not stage.run()
-    assert len(stage.sent) == 3
-    stage.playback.pause()
-    assert stage.playback.burst(0) == 0
-
-
-class StopsAt(list):
-    """List that stops a playback where it has so many elements."""
-
-    def __init__(self, count, playback):
-        self.count, self.playback = count, playback
-
-    def append(self, element):
-        super().append(element)
-        if len(self) == self.count:
-            self.playback.stop()
 
 
 @given(st.lists(st.integers(0, SECOND), max_size=40), st.integers(0, SECOND))

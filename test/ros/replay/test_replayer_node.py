@@ -89,25 +89,12 @@ def test_there_is_one_clock(replay, summaries, capfd):
     assert "the bag's own /clock is left out" in capfd.readouterr().err
 
 
-def test_two_types_do_not_share_a_name(replay, summaries, capfd):
-    other = changed(summaries[TALK.name], name="/other", type="std_msgs/msg/Int32", type_hash="")
-    node = replay(summaries[TALK.name], other, remap=[f"/other:={TALK.name}"])
-    assert list(node.topics) == [TALK.name]
-    assert f"/other: it is a std_msgs/msg/Int32, and {TALK.name} is a" in capfd.readouterr().err
-
-
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 @pytest.mark.parametrize("depth", [0, -1, 2**31, 2**70])
 def test_any_depth_in_a_bag_is_offered_as_far_as_there_is_one(replay, summaries, depth, durability):
     offer = QosProfile(history="keep_last", depth=depth, durability=durability)
     node = replay(changed(summaries[TALK.name], offered_qos=(offer,)))
     assert list(node.topics) == [TALK.name]
-
-
-def test_qos_that_cannot_be_offered_leaves_only_its_topic_out(replay, summaries):
-    odd = changed(summaries[TALK.name], offered_qos=(QosProfile(lifespan=-(2**70)),))
-    node = replay(odd, summaries[CHAT.name])
-    assert list(node.topics) == [CHAT.name]
 
 
 @pytest.mark.parametrize("release", ["0.1.0", "0.2.0"])
