@@ -124,13 +124,6 @@ def test_every_command_exists(whose):
 
 
 @pytest.mark.parametrize("whose", [OF_USERS, OF_PROJECT])
-def test_the_devcontainer_is_a_stage_of_the_image(whose):
-    stages = [argument for word, argument in instructions(DOCKER[whose]) if word == "FROM"]
-    names = [stage.partition(" AS ")[2] for stage in stages]
-    assert json.loads(DEVCONTAINER[whose])["build"]["target"] in names
-
-
-@pytest.mark.parametrize("whose", [OF_USERS, OF_PROJECT])
 def test_workflows_of_github_have_what_github_requires(whose):
     workflow = yaml.safe_load(GITHUB[whose])
     assert True in workflow  # the key `on`, as YAML 1.1 reads it

@@ -7,8 +7,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from rpud_sim.drilling.mount import MountParameters
-from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 from rpud_sim.simulation.sampling import Times
@@ -156,14 +154,3 @@ def test_feed_and_rotation_extend_the_tree_at_its_root_and_at_the_tool():
         assert joint.get("type") == kind
         assert numbers(joint.find("axis"), "xyz") == [0.0, 0.0, 1.0]
         assert height(joint) == 0.0
-
-
-def test_the_limits_of_feed_and_rotation_are_the_defaults_of_the_parameters():
-    mount, rotor = MountParameters(), RotationParameters()
-    feed, rotation = (FEED_JOINTS[name].find("limit") for name in (FEED_JOINT, ROTATION_JOINT))
-    assert float(feed.get("lower")) == mount.feed_minimum
-    assert float(feed.get("upper")) == mount.feed_maximum
-    assert float(feed.get("velocity")) == mount.feed_rate_limit
-    assert float(feed.get("effort")) == mount.anchoring_force
-    assert float(rotation.get("velocity")) == rotor.rotor_no_load_rate
-    assert float(rotation.get("effort")) == rotor.rotor_stall_torque

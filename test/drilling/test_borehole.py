@@ -60,12 +60,6 @@ def struck(*steps, strata="sandstone", bit=CLEAR, rock=ROCK):
     return borehole.state
 
 
-def filling(state):
-    """Share of the default flutes that is full, with the tool at the bottom of the hole."""
-    room = BIT.flute_area * state.depth
-    return state.packed_cuttings / room if room else 0.0
-
-
 @given(st.lists(st.floats(-0.01, 0.1), min_size=1, max_size=8), st.floats(0.0, 0.08))
 def test_impacts_break_by_what_exceeds_the_threshold_however_steps_divide_them(energies, threshold):
     strata = Strata((dataclasses.replace(SANDSTONE, threshold_energy=threshold),))
@@ -146,17 +140,6 @@ def test_too_much_weight_stalls_the_rotor_where_the_torques_say(share, stalls):
     # A sharp bit takes the torque a W / (2 zeta).
     drill.run(0.2, force=share * 2.0 * 0.6 * DRIVE.rotor_stall_torque / RADIUS)
     assert drill.rotor.state.stalled is stalls
-
-
-def test_the_state_includes_what_a_fault_adds_and_its_end_takes_it_away():
-    drill = Drill(bit=BitParameters(bit_wear_rate=0.0))
-    healthy = drill.run(0.5, energy=0.15)
-    faulty = drill.run(STEP, faults=Disturbances(clogged=0.9, worn_factor=10.0))
-    cured = drill.run(STEP)
-    assert (healthy.bit_wear, faulty.bit_wear, cured.bit_wear) == pytest.approx((0.0, 1.0, 0.0))
-    assert filling(faulty) > 0.9
-    assert faulty.packed_cuttings > 2.0 * healthy.packed_cuttings
-    assert cured.packed_cuttings == pytest.approx(healthy.packed_cuttings, rel=0.15)
 
 
 def test_a_blunt_bit_wears_on_by_the_work_of_its_friction():

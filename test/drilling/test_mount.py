@@ -65,14 +65,6 @@ def test_a_hole_that_gets_deeper_relieves_the_arm_exponentially():
     assert state.weight_on_bit == pytest.approx(RATE * (state.position - deeper), rel=1e-12)
 
 
-def test_the_feed_keeps_its_rate_and_its_ends():
-    rig = Rig(feed_rate_limit=1e-3, feed_maximum=0.01)
-    state = rig.go(1000, to=0.01)
-    assert (state.feed, state.rate) == pytest.approx((1e-3, 1e-3))
-    state = rig.go(20_000, 1e-3)
-    assert (state.feed, state.rate) == (0.01, 0.0)
-
-
 def test_the_tool_touches_the_rock_where_the_standoff_ends_and_leaves_it_behind_the_release():
     rig = Rig(initial_feed=-0.002, contact_release=5e-4)
     assert rig.load == (0.0, False)
@@ -118,15 +110,6 @@ def test_bodies_without_contact_keep_their_places_while_the_mount_moves():
     rigid = Rig(initial_feed=-0.01)
     rigid.go(10, 5e-3)
     assert rigid.mount.advance.passed == 0.0
-
-
-def test_a_tool_that_leaves_the_rock_keeps_its_place():
-    rig = Rig(initial_feed=1e-4, contact_release=5e-4)
-    while rig.mount.in_contact:
-        assert rig.mount.advance.passed == 0.0
-        rig.go(1, -5e-3)
-    assert rig.mount.advance.passed == pytest.approx(rig.state.position)
-    assert rig.mount.preload == pytest.approx(0.5 * RATE * -5e-6)
 
 
 def test_a_drill_that_comes_to_the_rock_before_its_mount_is_in_contact():

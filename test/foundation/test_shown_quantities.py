@@ -9,12 +9,9 @@ from hypothesis import strategies as st
 from rpud_sim.foundation.quantities import (
     QUANTITIES,
     ShownQuantity,
-    figure_quantity,
-    for_browser,
     number_text,
     quantity_in,
 )
-from rpud_sim.studies.sweep.specification import SWEEP_FIGURES
 
 
 @pytest.mark.parametrize(
@@ -41,25 +38,11 @@ def test_three_digits_are_right(value):
     assert number_text(-value) == f"-{number_text(value)}"
 
 
-def test_the_browser_gets_every_quantity_in_plain_values():
-    names = [each["name"] for each in for_browser()]
-    assert names == list(QUANTITIES)
-    assert all(quantity.label and quantity.scale > 0.0 for quantity in QUANTITIES.values())
-
-
 @given(st.floats(1e-9, 1e11))
 def test_a_readable_unit_leaves_one_to_three_digits_before_the_point(greatest):
     shown = quantity_in("N", greatest)
     assert 0.999 <= shown.scale * greatest < 1000.1
     assert shown.unit.endswith("N")
-
-
-def test_figures_of_a_run_are_shown_as_their_quantities():
-    assert figure_quantity("contact_force_p99").text(9357.0) == "9.36 kN"
-    assert figure_quantity("penetration_rate").text(5.5e-5) == "3.3 mm/min"
-    assert figure_quantity("events").text(1200.0) == "1200"
-    units = {name: unit for name, unit in SWEEP_FIGURES.items() if unit}
-    assert all(figure_quantity(name).unit for name in units)
 
 
 def test_a_sign_and_more_digits_are_on_demand():

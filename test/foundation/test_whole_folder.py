@@ -10,15 +10,6 @@ import pytest
 from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file, whole_folder
 
 
-def test_a_folder_has_its_name_when_all_is_in_it(tmp_path):
-    out = tmp_path / "new" / "folder"
-    with whole_folder(out) as part:
-        (part / "file").write_text("content")
-        assert not out.exists()
-    assert (out / "file").read_text() == "content"
-    assert [path.name for path in out.parent.iterdir()] == ["folder"]
-
-
 def written(context, error):
     """Write in a context, and end it with an error."""
 

@@ -1,7 +1,6 @@
 """The client of a running drill, against a drill in another process."""
 
 import pytest
-import rclpy
 from drill_client import stamps
 from rpud_msgs.msg import JournalEntry, Result, WeightOnBit
 from support import PATIENCE, until
@@ -61,17 +60,6 @@ def test_a_refused_command_raises_the_reason_of_the_drill(drill):
     assert drill.status.commands_accepted == 0
 
 
-def test_who_only_looks_does_not_count_as_one_who_commands(start_drill):
-    start_drill("/looked_at", "the drill is active")
-    with DrillClient("/looked_at") as client:
-        client.list_faults()
-        seen = client.status_number
-        client.until(lambda: client.status_number > seen + 1)
-        assert client.status.commanders == 0
-        client.press(12.0)
-        client.until(lambda: client.status.commanders == 1)
-
-
 def test_the_refusal_of_another_publisher_is_not_taken_for_its_own(drill):
     other = drill.node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
     drill.until(other.get_subscription_count)
@@ -105,18 +93,6 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
     assert refused.value.result == Result.RESULT_OPERATION_FAILED
     with pytest.raises(ParameterError, match=r"scope = 'al' is unknown; did you mean all?"):
         drill.reset("al")
-
-
-def test_it_works_beside_the_default_context_of_the_process(process):
-    rclpy.init()
-    try:
-        own = rclpy.create_node("own")
-        with DrillClient("/bench", patience=PATIENCE) as drill:
-            drill.press(12.0)
-        assert rclpy.ok()
-        own.destroy_node()
-    finally:
-        rclpy.shutdown()
 
 
 def test_without_a_drill_it_says_where_there_are_some(process):

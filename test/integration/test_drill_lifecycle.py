@@ -159,11 +159,3 @@ def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
     assert state.label == "finalized"
     assert process.wait() == 0
     assert "Traceback" not in process.output
-
-
-def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(start_drill, tmp_path):
-    path = tmp_path / "scenario.yaml"
-    path.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
-    process = start_drill("/unstarted", "hard_rock", scenario=path)
-    assert process.wait() == 1
-    assert "Traceback" not in process.output

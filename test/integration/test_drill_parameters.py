@@ -70,19 +70,6 @@ def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):
-    path = tmp_path / "parameters.yaml"
-    path.write_text(
-        "/**:\n  ros__parameters: {use_sim_time: false}\n"
-        "/sectioned/drill_node:\n  ros__parameters: {weight_on_bit: 7.0}\n"
-        "/sectioned/another:\n  ros__parameters: {of_another: 1}\n"
-    )
-    started = process(
-        *("drill_node", "--ros-args", "-r", "__ns:=/sectioned", "--params-file", path)
-    )
-    started.wait_for_line("weight on bit 7 N")
-
-
 CHANGED = {
     "gravity": 3.7,
     "drill_tool_restitution": 0.5,

@@ -1,7 +1,6 @@
 """The standard interface of simulators, where `simulation_interfaces` is installed."""
 
 import pytest
-from drill_client import SECOND
 from rpud_msgs.msg import Status
 
 pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
@@ -41,17 +40,6 @@ def set_state(client, state):
 def step(client, steps):
     request = StepSimulation.Request(steps=steps)
     return client.call(StepSimulation, "step_simulation", request).result
-
-
-def test_a_step_is_a_period_of_the_telemetry(client):
-    assert StepSimulation.Request().steps == 1
-    assert step(client, 1).result == Result.RESULT_OK
-    client.at(SECOND // 100)
-    assert step(client, 24).result == Result.RESULT_OK
-    client.at(SECOND // 4)
-    client.step(0.001)
-    assert step(client, 1).result == Result.RESULT_OK
-    client.at(26 * SECOND // 100)
 
 
 def test_states_follow_each_other_and_steps_are_refused_unless_paused(client):

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.integrate import quad
 
 from rpud_sim.model import energy, tally
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.search import force_on_drill_tool
-from rpud_sim.model.segment import IMPACT, motion_at, turns_at
+from rpud_sim.model.segment import IMPACT, motion_at
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
 ACTUATOR, DRILL_TOOL, BOTH = 1, 2, 3
@@ -36,75 +34,6 @@ def residual(joules):
     """Give what flowed in less what was lost and stored, as a share of what flowed."""
     flow = abs(joules).sum()
     return (joules[INFLOWS].sum() - joules[energy.LOAD_DAMPER :].sum()) / flow
-
-
-# One segment of each contact, long enough for quadrature.
-def segments_of_all_contacts():
-    segments, _ = trajectory("drilling", rpud_damping_ratio=0.3, contact_model="rayleigh")
-    pushed, _ = trajectory("drilling", weight_on_bit=500.0, gravity=0.0)
-    free, _ = trajectory("free", weight_on_bit=300.0, actuator_restitution=0.1)
-    found = {}
-    for segment in np.concatenate([segments, pushed, free]):
-        kept = found.get(int(segment["contact"]))
-        if segment["duration"] > 1e-7 and (kept is None or segment["duration"] > kept["duration"]):
-            found[int(segment["contact"])] = segment
-    return found
-
-
-CONTACTS = segments_of_all_contacts()
-
-
-def integral(function, start, end):
-    return quad(function, start, end, epsabs=0.0, epsrel=1e-10, limit=2000)[0]
-
-
-def motion_added(segment, start, end):
-    """Account of a part of a segment alone."""
-    added = np.zeros(len(energy.TERMS))
-    begun, ended = turns_at(segment, start), turns_at(segment, end)
-    energy.add_motion(RPUD, segment, start, end, begun, ended, added)
-    return added
-
-
-@pytest.mark.parametrize("contact", [0, ACTUATOR, DRILL_TOOL, BOTH])
-@pytest.mark.parametrize("share", [0.0, 0.4])
-def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
-    segment = CONTACTS[contact]
-    end = min(segment["duration"], 5e-4)
-    start = share * end
-    added = motion_added(segment, start, end)
-    for body, name, term in (
-        (1, "load_spring_damping", energy.LOAD_DAMPER),
-        (7, "drill_tool_damping", energy.DRILL_TOOL_DAMPER),
-    ):
-        expected = segment[name] * integral(
-            lambda time, body=body: motion_at(segment, time)[body] ** 2, start, end
-        )
-        assert added[term] == pytest.approx(expected, rel=1e-7, abs=1e-18)
-
-
-@pytest.mark.parametrize("contact", [0, ACTUATOR, DRILL_TOOL, BOTH])
-def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(contact):
-    segment = CONTACTS[contact]
-    end = min(segment["duration"], 2e-4)
-    step = 1e-3 * end
-
-    def force(time):
-        """From the acceleration of the free mass, and the force on the drill tool."""
-        ahead, behind = motion_at(segment, time + step)[5], motion_at(segment, time - step)[5]
-        acceleration = (ahead - behind) / (2.0 * step)
-        on_tool = force_on_drill_tool(segment, time)[0] if contact & DRILL_TOOL else 0.0
-        return segment["free_mass"] * (acceleration - segment["gravity"]) + on_tool
-
-    def power(time):
-        phase = segment["vibration_phase"] + segment["vibration_frequency"] * time
-        omega = 2.0 * np.pi * segment["vibration_frequency"]
-        return force(time) * omega * segment["vibration_amplitude"] * np.cos(2.0 * np.pi * phase)
-
-    expected = quad(power, 0.0, end, limit=500, epsrel=1e-7)[0] if contact & ACTUATOR else 0.0
-    size = quad(lambda time: abs(power(time)), 0.0, end, limit=500, epsrel=1e-4)[0]
-    work = motion_added(segment, 0.0, end)[energy.ACTUATOR_WORK]
-    assert work == pytest.approx(expected, abs=1e-4 * size)
 
 
 @given(real=st.floats(-1e4, 0.0), imaginary=st.floats(-1e6, 1e6), duration=st.floats(1e-9, 1e-2))

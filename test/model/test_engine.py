@@ -1,7 +1,6 @@
 """The engine in the whole parameter space: exact, associative, never stuck."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,12 +14,7 @@ from rpud_sim.model.contact import single_contact
 from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Buffers, Engine, EngineError
-from rpud_sim.model.impact import open_impact
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.resets import Collisions
-from rpud_sim.model.segment import (
-    CONTACT_BOTH,
-)
 
 REGIMES = ("free", "drilling")
 
@@ -102,14 +96,6 @@ def test_blocks_are_parts_of_one_and_stay_as_they_are():
         blocks.append((block, block.copy()))
     assert all((block == content).all() for block, content in blocks)
     assert (np.concatenate([content for _, content in blocks]) == finished(whole)[0]).all()
-
-
-def test_an_impact_in_the_rock_is_squeezed_only_if_a_contact_of_all_three_lasts():
-    state = SimpleNamespace(impacts=0, seconds=0, fraction=0.0, contact=CONTACT_BOTH)
-    impact = SimpleNamespace()
-    open_impact.py_func(derive(preset("drilling")), state, impact, Collisions(1, 1, 1, 1, 1, 1))
-    assert state.impact_open
-    assert not impact.squeezed
 
 
 @pytest.mark.parametrize("model", CONTACT_MODELS)

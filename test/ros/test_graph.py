@@ -2,9 +2,7 @@
 
 import pytest
 from geometry_msgs.msg import PoseWithCovariance
-from rpud_msgs.msg import Fault, Faults
 
-from rpud_sim.bag.encoder import TEXT, Sequence
 from rpud_sim.ros.graph import UnknownTypeError, members_of, message_class
 
 
@@ -14,13 +12,6 @@ from rpud_sim.ros.graph import UnknownTypeError, members_of, message_class
 def test_another_type_is_named(name):
     with pytest.raises(UnknownTypeError, match=name or "''"):
         message_class(name)
-
-
-def test_members_are_found_through_messages_and_sequences():
-    members = dict(members_of(Faults).members)
-    assert list(members) == ["header", "faults", "forgotten"]
-    assert dict(members["header"].members)["frame_id"] == TEXT
-    assert members["faults"] == Sequence(members_of(Fault))
 
 
 def test_a_member_that_no_message_of_ours_has_is_named():

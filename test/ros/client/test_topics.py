@@ -28,7 +28,6 @@ from rpud_sim.ros.client.topics import (
     decoded,
     field_getter,
     to_plain,
-    types_of_topic,
 )
 
 SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -89,18 +88,6 @@ def test_a_topic_that_is_not_there_is_one_line_with_the_nearest_name(talker, lis
     with pytest.raises(ClientError) as error:
         TopicListener(listening, "speach", patience=0.1)
     assert str(error.value) == "no topic /heard/speach within 0.1 s; did you mean /heard/speech?"
-
-
-def test_a_topic_of_two_types_is_refused(talker, listening):
-    talker.create_publisher(String, "twofold", 10)
-    with participant() as other:
-        other.create_publisher(Int32, "twofold", 10)
-        two = ["std_msgs/msg/Int32", "std_msgs/msg/String"]
-        listening.wait_until(
-            lambda: types_of_topic(listening.node, "/heard/twofold") == two, "not both"
-        )
-        with pytest.raises(ClientError, match=f"has several types: {', '.join(two)}"):
-            TopicListener(listening, "twofold")
 
 
 def test_messages_that_a_slow_listener_lost_are_counted(talker, listening):

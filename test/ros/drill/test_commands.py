@@ -182,18 +182,6 @@ def test_each_command_to_a_stopped_drill_is_taken_refused_or_counted_as_discarde
     assert inbox.rejected > 0
 
 
-def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained(commander):
-    inbox, began = commander.inbox, time.monotonic()
-    inbox.accept(WeightOnBit(1.0), GIVEN, time.monotonic_ns() - 70_000_000)
-    assert inbox.take_delays().count == 0
-    inbox.drain()
-    assert inbox.take_delays().greatest >= 0.07
-    commander.give(WeightOnBitMessage(force=12.0))  # from when the middleware has it
-    delays = inbox.take_delays()
-    assert delays.count == 1
-    assert 0.0 < delays.greatest <= time.monotonic() - began + 0.01
-
-
 @pytest.mark.parametrize(
     ("noted", "waited"), [(NOW - 100 * SECOND, SECOND), (NOW - 3, 3), (NOW + SECOND, 0), (0, 0)]
 )

@@ -111,19 +111,6 @@ def test_a_change_that_cannot_be_used_changes_nothing(running, name, value, reas
     assert len(taken) == 1
 
 
-@pytest.mark.parametrize(("name", "value"), [("real_time_factor", 0.001), ("telemetry_rate", 2.0)])
-def test_changes_that_belong_together_are_made_together_or_not_at_all(running, name, value):
-    drill, taken = running
-    good = [Parameter("gravity", value=1.62), Parameter("regime", value="free")]
-    result = drill.set_parameters_atomically([*good, Parameter(name, value=value)])
-    assert not result.successful
-    assert name in result.reason
-    assert drill.get_parameter("gravity").value == 9.81
-    assert len(taken) == 1
-    assert drill.set_parameters_atomically(good).successful
-    assert taken[1:] == [Settings().replace({"gravity": 1.62, "regime": "free"})]
-
-
 def test_parameters_of_every_ros_node_and_of_others_are_let_through(node):
     drill, taken = node(**{"use_sim_time": False, "qos_overrides./clock.depth": 10}), []
     assert DrillParameters(drill, taken.append, lambda: "is fixed now").settings == Settings()

@@ -1,8 +1,6 @@
 """A name that a process of this machine holds is known without discovery."""
 
-import errno
 import signal
-import socket
 import subprocess
 import sys
 
@@ -48,15 +46,6 @@ def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not():
         process.kill()
         process.wait()
         assert not taken()
-
-
-def test_where_such_sockets_are_forbidden_no_name_is_called_taken(monkeypatch):
-    class Forbidden(socket.socket):
-        def bind(self, address):
-            raise PermissionError(errno.EPERM, "Operation not permitted")
-
-    monkeypatch.setattr(socket, "socket", Forbidden)
-    assert [NameHold(NAME, DOMAIN).taken for _ in range(2)] == [False, False]
 
 
 @pytest.mark.parametrize("namespace", ["twin", "/twin/a"])

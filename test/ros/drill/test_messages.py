@@ -5,11 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from rpud_msgs.msg import Fault as FaultMessage
-from rpud_msgs.msg import Faults as FaultsMessage
 from rpud_msgs.msg import (
     Status,
     Trajectory,
@@ -18,20 +16,18 @@ from sensor_msgs.msg import JointState
 from support import trajectory_messages
 from trajectories import arrays_of
 
-from rpud_sim.bag.encoder import Encoder
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import segment
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
-from rpud_sim.ros.drill.publishers import nanoseconds_to_time
 from rpud_sim.ros.drill.services import message_to_fault
-from rpud_sim.ros.graph import filled, members_of
+from rpud_sim.ros.graph import filled
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
 
@@ -107,14 +103,6 @@ def test_wrench_and_joints_are_what_the_mount_feels_and_how_the_bodies_move():
     assert joints.effort.tolist() == [force, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("time", [0, 1, SECOND - 1, SECOND, ORIGIN])
-def test_times_are_exact(time):
-    message = nanoseconds_to_time(time)
-    assert nanoseconds(message) == time
-    assert 0 <= message.nanosec < SECOND
-    assert fields.stamp_of({"header": fields.header_fields("reacting_force", time)}) == time
-
-
 def test_a_trajectory_has_every_field_of_every_segment_and_is_cut_where_constants_change(block):
     (message,) = trajectories(block, 5)
     assert (message.sequence, nanoseconds(message.origin)) == (5, ORIGIN)
@@ -173,24 +161,6 @@ def test_the_status_says_how_the_drill_is_and_what_it_lacks_is_not_a_number():
     lacking = status_of(Simulation(preset("drilling")))
     for name in ("electrical_power", "depth", "penetration_rate"):
         assert math.isnan(getattr(lacking, name))
-
-
-def test_the_ledger_is_said_record_by_record():
-    ledger = FaultLedger()
-    ledger.inject(3, Fault("bias", "wrench", 2.5))
-    ledger.inject(5, Fault("free_mass_jammed"))
-    ledger.clear(SECOND + 4, 1)
-    values = fields.faults_fields(ledger, 2 * SECOND, ORIGIN)
-    message = deserialize_message(Encoder(members_of(FaultsMessage)).encode(values), FaultsMessage)
-    assert nanoseconds(message.header.stamp) == ORIGIN + 2 * SECOND
-    assert (message.header.frame_id, message.forgotten) == ("rpud_mount", 0)
-    over, lasting = message.faults
-    assert (over.number, over.kind, over.channel, over.magnitude) == (1, "bias", "wrench", 2.5)
-    assert (lasting.number, lasting.kind, lasting.channel) == (2, "free_mass_jammed", "")
-    assert (over.active, lasting.active) == (False, True)
-    assert [nanoseconds(fault.onset) - ORIGIN for fault in message.faults] == [3, 5]
-    assert nanoseconds(over.clear) == ORIGIN + SECOND + 4
-    assert lasting.clear == Time()
 
 
 @pytest.mark.parametrize("kind", KINDS)

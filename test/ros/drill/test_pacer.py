@@ -79,18 +79,6 @@ def test_a_deadline_is_missed_by_more_than_a_period_which_is_shorter_where_time_
     assert run.read("deadlines_missed") == (missed,)
 
 
-def test_factor_and_maximum_are_those_since_the_report_before_quantiles_those_of_all():
-    run = Run()
-    run.blocks(([MILLISECOND] * 9 + [5 * MILLISECOND]) * 100)
-    run.pacer.read()
-    run.blocks([MILLISECOND] * 100)
-    assert run.read("blocks", "lateness_max") == pytest.approx((1100, 0.001))
-    run.blocks([MILLISECOND] * 100)
-    assert run.read("real_time_factor") == pytest.approx((1.0,), abs=0.01)
-    found = run.read("real_time_factor", "lateness_p50", "lateness_p99", "lateness_p99.9")
-    assert found == pytest.approx((1.0, 0.001, 0.005, 0.005), rel=0.05)
-
-
 def test_as_fast_as_possible_nothing_is_waited_for_and_nothing_late():
     run = Run(factor=0.0)
     run.blocks([7 * MILLISECOND] * 100)

@@ -12,7 +12,6 @@ from std_msgs.msg import Int32, String
 from support import until
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.metadata import Losses
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
@@ -82,46 +81,6 @@ def take(recorder, count):
 def test_what_is_no_name_is_refused(record, topics, namespace):
     with pytest.raises(NameValidationException):
         record(topics, namespace)
-
-
-def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(peer, record):
-    publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in "abc"]
-    recorder = discovered(record(), 3)
-    heard(*publishers)
-    for number in range(99):
-        publishers[number % 3].publish(Int32(data=number))
-        if number % 10 == 0:
-            recorder.receive()
-    taken = take(recorder, 102)
-    times = [item.log_time for item in taken if isinstance(item, Message)]
-    assert len(times) == 99
-    assert times == sorted(times)
-
-
-@pytest.mark.extended
-def test_what_a_new_publisher_sends_before_it_knows_the_recorder_is_lost(peer, record):
-    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = discovered(record(), 1)
-    # Until every publisher that is there would have been found.
-    until(lambda: recorder.discover() or recorder.topics["/rpud/command"].gaps.from_first)
-    publisher = peer.create_publisher(String, "command", SENSOR)  # which it cannot hear yet
-    for _ in range(5):
-        publisher.publish(String(data="too early"))
-    until(lambda: recorder.discover() or publisher.get_subscription_count())
-    publisher.publish(String(data="go"))
-    _, message = take(recorder, 2)
-    assert b"go" in message.data
-    assert recorder.losses == {"/rpud/command": Losses(5)}
-
-
-def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
-    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = discovered(record(), 1)
-    recorder.finish()
-    [(topic, _)] = items(recorder)
-    assert topic.name == "/rpud/command"
-    assert topic.offered_qos == ()
-    assert topic.type_hash.startswith("RIHS01_")
 
 
 def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):

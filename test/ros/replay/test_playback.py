@@ -80,18 +80,6 @@ def test_every_message_comes_when_it_is_due(offsets, rate):
     assert stage.playback.published == len(offsets)
 
 
-def test_a_pause_puts_off_all_that_follows():
-    stage = Stage([0, SECOND, 2 * SECOND])
-    stage.run(0.5)
-    stage.playback.pause()
-    assert stage.playback.paused
-    assert stage.run(100.0)
-    assert stage.playback.position == START + SECOND // 2
-    stage.playback.pause(False)
-    stage.run()
-    assert stage.sent == [(0, 0), (SECOND, 101 * SECOND), (2 * SECOND, 102 * SECOND)]
-
-
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * RATE.maximum])
 def test_an_impossible_rate_is_refused_and_changes_nothing(rate):
     stage = Stage([0, SECOND])
@@ -222,17 +210,6 @@ def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, 
     assert clocks == sorted(clocks)
 
 
-def test_one_that_is_behind_can_be_slowed_down_at_once():
-    stage = Stage(range(0, 10 * SECOND, SECOND), rate=1000.0)
-    stage.playback.advance()
-    stage.now += SECOND  # it was held up for a thousand seconds of the bag
-    stage.playback.set_rate(1.0)
-    assert stage.playback.position == START + SECOND
-    stage.run()
-    assert stage.sent[2:] == [(at * SECOND, at * SECOND) for at in range(2, 10)]
-    assert stage.playback.lateness.greatest < 1e-6
-
-
 def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND])
     stage.run(0.5)
@@ -246,15 +223,6 @@ def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND], start_paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
-
-
-@given(st.lists(st.integers(0, SECOND), max_size=40), st.integers(0, SECOND))
-def test_a_tick_is_not_passed_by_messages_that_are_due_after_it(offsets, held_up):
-    stage = Stage(offsets, clock=100.0)
-    stage.now += held_up
-    stage.run()
-    assert stage.log == sorted(stage.log)
-    assert [offset for offset, kind in stage.log if kind == "message"] == sorted(offsets)
 
 
 def scheduled():
