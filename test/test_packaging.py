@@ -1,25 +1,17 @@
 """The two packages as colcon, ROS and pip see them."""
 
-import inspect
 import os
 import re
 import subprocess
 import sys
-from importlib.metadata import requires, version
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from _pytest import hookspec
 from ament_index_python.packages import get_package_share_directory
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
-def needed_by(extra: str) -> set[str]:
-    """Return what an extra of the installed package requires."""
-    lines = requires("rpud_sim")
-    return {line.partition(";")[0].strip() for line in lines if f'extra == "{extra}"' in line}
 
 
 def test_colcon_finds_both_packages_as_ros_packages():
@@ -55,14 +47,6 @@ def test_a_manifest_that_is_not_is_told(tmp_path, file, change, complaint):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert complaint in done.stdout
-
-
-def test_pytest_is_one_that_the_plugins_of_launch_load_into():
-    """What launch_testing's hook and launch_pytest's fixtures of Jazzy use is there."""
-    module_hook = inspect.signature(hookspec.pytest_pycollect_makemodule)
-    assert "path" in module_hook.parameters
-    assert hasattr(pytest.fixture(lambda: None), "_pytestfixturefunction")
-    assert "pytest<8.4" in needed_by("test")
 
 
 def test_every_message_and_service_is_built():

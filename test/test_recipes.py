@@ -123,21 +123,6 @@ def test_every_command_exists(whose):
             check_command(words)
 
 
-@pytest.mark.parametrize("whose", [OF_USERS, OF_PROJECT])
-def test_workflows_of_github_have_what_github_requires(whose):
-    workflow = yaml.safe_load(GITHUB[whose])
-    assert True in workflow  # the key `on`, as YAML 1.1 reads it
-    for job in workflow["jobs"].values():
-        assert job["runs-on"] == "ubuntu-24.04"
-        assert 0 < job["timeout-minutes"] <= 60
-    for step in github_steps(whose):
-        assert ("uses" in step) is not ("run" in step)
-        if "uses" in step:
-            assert re.fullmatch(r"actions/[a-z-]+@v\d+", step["uses"])
-    for pattern in re.findall(r"hashFiles\('(.*?)'\)", GITHUB[whose]):
-        assert list(ROOT.glob(pattern))
-
-
 def test_the_project_s_first_stage_has_all_that_its_step_needs(tmp_path):
     """A dry run of make with what the stage has copied: a missing file ends it."""
     made = []

@@ -46,23 +46,6 @@ def cylinders(link, kind="visual"):
     return sorted(found, key=lambda cylinder: cylinder[2])
 
 
-def mass(link):
-    return float(LINKS[link].find("inertial/mass").get("value"))
-
-
-def moments(link):
-    inertia = LINKS[link].find("inertial/inertia")
-    assert [float(inertia.get(name)) for name in ("ixy", "ixz", "iyz")] == [0.0, 0.0, 0.0]
-    return [float(inertia.get(name)) for name in ("ixx", "iyy", "izz")]
-
-
-def solid(parts):
-    """Give centre and moments about it for coaxial cylinders (mass, radius, length, height)."""
-    centre = sum(m * z for m, _, _, z in parts) / sum(m for m, *_ in parts)
-    across = sum(m * ((3 * r * r + h * h) / 12 + (z - centre) ** 2) for m, r, h, z in parts)
-    return centre, [across, across, sum(m * r * r / 2 for m, r, _, _ in parts)]
-
-
 def test_each_joint_that_moves_is_published_and_carries_the_frame_of_the_messages():
     moving = {
         name: joint.find("child").get("link")
@@ -102,21 +85,6 @@ def test_the_drill_tool_has_the_sections_of_the_paper():
     for kind in ("visual", "collision"):
         found = [(math.pi * r * r, length) for r, length, _ in cylinders(TOOL_TIP_FRAME, kind)]
         assert np.array(found) == pytest.approx(np.array(sections), rel=1e-5)
-
-
-@pytest.mark.parametrize("link", [NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME])
-def test_moments_of_inertia_are_those_of_the_shape(link):
-    parts = cylinders(link)
-    if link == NODAL_PLANE_FRAME:
-        parts = parts[:1]  # the thin tip in front of the housing counts as massless
-    volumes = [math.pi * r * r * length for r, length, _ in parts]
-    weighed = [
-        (mass(link) * volume / sum(volumes), *part)
-        for volume, part in zip(volumes, parts, strict=True)
-    ]
-    centre, expected = solid(weighed)
-    assert height(LINKS[link].find("inertial")) == pytest.approx(centre, abs=1e-7)
-    assert moments(link) == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])

@@ -78,18 +78,6 @@ def test_impacts_that_choke_hold_each_other_up_however_steps_divide_them():
     assert depths[0] == depths[1] < 0.9 * free
 
 
-def test_the_hole_is_at_most_as_deep_as_the_tool_is_long_and_nothing_resists_there():
-    drill = Drill(rock=WHOLE, deep=LENGTH - 1e-3)
-    drill.run(0.05, energy=1.0)
-    assert drill.rotor.state.torque > 0.0
-    wear = [drill.run(1.0, energy=1.0).bit_wear for _ in range(2)]
-    state = drill.borehole.state
-    assert (state.depth, drill.borehole.bottom, state.layer) == (LENGTH, LENGTH, "sandstone")
-    assert (state.penetration_rate, wear[0]) == (0.0, wear[1])
-    assert math.isnan(state.specific_energy)
-    assert drill.rotor.state.torque < 1e-3  # of the last cuttings in the flutes
-
-
 def test_by_rotation_the_rate_is_the_depth_of_cut_times_the_turns():
     drill = Drill()
     drill.run(0.1)

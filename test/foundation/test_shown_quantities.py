@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import (
     QUANTITIES,
-    ShownQuantity,
     number_text,
-    quantity_in,
 )
 
 
@@ -36,19 +34,3 @@ def test_a_value_reads_as_people_write_it(name, value, text):
 def test_three_digits_are_right(value):
     assert float(number_text(value)) == pytest.approx(value, rel=5e-3)
     assert number_text(-value) == f"-{number_text(value)}"
-
-
-@given(st.floats(1e-9, 1e11))
-def test_a_readable_unit_leaves_one_to_three_digits_before_the_point(greatest):
-    shown = quantity_in("N", greatest)
-    assert 0.999 <= shown.scale * greatest < 1000.1
-    assert shown.unit.endswith("N")
-
-
-def test_a_sign_and_more_digits_are_on_demand():
-    share = ShownQuantity("share", "share", "%", 100.0, floor=1e-5)
-    assert share.text(0.0521, sign=True) == "+5.21 %"
-    assert share.text(-0.0521, sign=True) == "-5.21 %"
-    assert share.text(1e-7, sign=True) == "0 %"
-    assert number_text(3.00149, 4) == "3.001"
-    assert number_text(math.inf) == "–"

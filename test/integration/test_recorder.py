@@ -1,6 +1,5 @@
 """What the recorder does beside recording, with real processes over DDS."""
 
-import os
 import re
 import shlex
 import sys
@@ -61,30 +60,6 @@ def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path)
     assert recorder.wait() == 0
     assert re.search(r"\d things that arrived could not be used", recorder.output)
     assert sequences(tmp_path / "run") == list(range(100))
-
-
-@pytest.mark.extended
-def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
-    # In another partition it is in the graph, and connected to no one.
-    profile = tmp_path / "partition.xml"
-    profile.write_text(
-        '<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">'
-        '<data_writer profile_name="apart" is_default_profile="true"><qos><partition><names>'
-        "<name>apart</name></names></partition></qos></data_writer></profiles>"
-    )
-    settings = {
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
-        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
-    }
-    words = (sys.executable, HELPERS / "talker.py", "--count", "0", "--subscribers", "0")
-    process(*words, env={**os.environ, **settings}).wait_for_line("published 0")
-    recorder = process("recorder", "contact_force", "--out", tmp_path / "run")
-    recorder.wait_for_line(
-        "subscribed /rpud/contact_force again, as a publisher that is there was not connected"
-    )
-    recorder.interrupt()
-    assert recorder.wait() == 1
-    assert re.search("subscribed /rpud/contact_force again 1 times", recorder.output)
 
 
 def sequences(path):

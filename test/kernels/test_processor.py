@@ -5,10 +5,8 @@ import pytest
 from rpud_sim.kernels.store import (
     BASELINE,
     BASELINE_FEATURES,
-    KernelStore,
     Target,
     choose_target,
-    notice,
 )
 
 ENOUGH = ",".join(f"+{name}" for name in sorted(BASELINE_FEATURES))
@@ -26,11 +24,3 @@ def test_a_processor_without_one_instruction_has_kernels_of_its_own(missing):
     assert target.cpu == "old"
     assert target.features == features
     assert missing in target.lacking
-
-
-def test_the_line_names_what_a_foreign_processor_lacks_and_where_its_kernels_go(tmp_path):
-    features = ENOUGH.replace("+avx2", "-avx2")
-    line = notice(choose_target("old", features), KernelStore((tmp_path / "mine",)))
-    assert "this processor lacks avx2, which the installed kernels" in line
-    assert line.endswith(f"they are kept in {tmp_path / 'mine'}")
-    assert "\n" not in line

@@ -18,12 +18,11 @@ from trajectories import (
     evaluate,
     finished,
     motion,
-    nodal_plane,
     rebuild,
 )
 
 from rpud_sim.model.contact_models import CONTACT_MODELS
-from rpud_sim.model.drill import SEATING_TIME, derive
+from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import QUANTITIES, preset
 
@@ -124,22 +123,6 @@ def test_changes_keep_the_order_of_bodies_and_continuity_wherever_a_caller_stops
 
 
 FREE, DRILLING = tables("free").replace(weight_on_bit=10.0), tables("drilling")
-
-
-def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
-    engine = Engine(FREE, 0.0, drive=False)
-    rest = (10.0, 0.0, 16000.0)
-    engine.advance(5, 0.0)
-    k_1, k_2 = FREE.load_spring_rate, FREE.restoring_spring_rate
-    sag = (10.0 + FREE.free_mass * FREE.gravity) / (k_1 + k_2)
-    assert nodal_plane(finished(engine)[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
-    engine.change(5, 0.0, derive(DRILLING), rest)
-    engine.advance(9, 0.0)
-    segments, _ = finished(engine)
-    fastest = max(abs(nodal_plane(segment, 0.0, 1)) for segment in segments)
-    assert fastest < 20.0 * sag / SEATING_TIME
-    assert abs(nodal_plane(segments[-1], 0.0)) < 1e-6
-    check_trajectory(segments)
 
 
 def instant(regime, wanted):

@@ -4,16 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.lib.recfunctions import repack_fields
-from trajectories import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_plane
+from trajectories import DRILL_TOOL, FREE_MASS, TIP, finished, motion
 
 from rpud_sim.model.contact import single_contact
 from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import derive
-from rpud_sim.model.engine import Buffers, Engine, EngineError
+from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 
 REGIMES = ("free", "drilling")
@@ -63,28 +61,6 @@ def test_without_drive_everything_comes_to_rest(regime, weight):
     assert motion(last, DRILL_TOOL, 0.0) == pytest.approx(sag, abs=2e-8)
 
 
-def test_gravity_on_the_drill_is_borne_by_both_springs():
-    free = tables("free").replace(weight_on_bit=10.0, gravity_on_drill=True)
-    segments, _ = run(free, 6.0, drive=False)
-    sag = (10.0 + 9.81 * (free.rpud_mass + free.free_mass)) / (2 * 2000.0)
-    assert nodal_plane(segments[-1], 0.0) == pytest.approx(sag, rel=1e-3)
-
-
-def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
-    engine = Engine(tables("drilling").replace(weight_on_bit=50.0), 0.2)
-    engine.advance(5, 0.0)
-    segments, impacts = finished(engine)
-    starts = segments["start_seconds"] + segments["start_fraction"]
-    begun = impacts["seconds"] + impacts["fraction"]
-    ended = begun + impacts["contact_duration"]
-    pressed = starts[(segments["contact"] == 3) & (segments["duration"] > 1e-9)] + 5e-10
-    inside = [np.any((pressed > a) & (pressed < b)) for a, b in zip(begun, ended, strict=True)]
-    assert 0 < impacts["squeezed"].sum() < len(impacts)
-    assert impacts["squeezed"][inside].all()
-    # The greatest forces of all are those of squeezed impacts, for the tip does not yield.
-    assert impacts["squeezed"][np.argmax(impacts["peak_force"])]
-
-
 def test_blocks_are_parts_of_one_and_stay_as_they_are():
     whole, parts = Engine(preset("drilling"), 0.3), Engine(preset("drilling"), 0.3)
     whole.advance(6, 0.0)
@@ -118,14 +94,3 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     together = 5e-3 / (5e-3 + contacts[0].tool.mass)
     impulses = 5e-3 * (1.0 + together) * velocities
     assert impacts["impulse"][alone] == pytest.approx(impulses[alone], rel=1e-3)
-
-
-def test_engines_with_shared_buffers_have_the_same_motion():
-    alone = Engine(preset("drilling"))
-    Engine(preset("drilling"), 0.4, buffers=(buffers := Buffers())).advance(1, 0.0)
-    sharing = Engine(preset("drilling"), buffers=buffers)
-    for second in (1, 2):
-        for engine in (alone, sharing):
-            engine.advance(second, 0.0)
-        for one, other in zip(alone.drain(), sharing.drain(), strict=True):
-            assert repack_fields(one).tobytes() == repack_fields(other).tobytes()

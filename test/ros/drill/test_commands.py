@@ -21,7 +21,6 @@ from rpud_sim.ros.drill import commands
 from rpud_sim.ros.drill.commands import (
     CommandTopic,
     Inbox,
-    arrival,
     joints_to_feed,
     result_of,
 )
@@ -180,15 +179,6 @@ def test_each_command_to_a_stopped_drill_is_taken_refused_or_counted_as_discarde
     commander.until(counted)
     assert inbox.discarded > 0
     assert inbox.rejected > 0
-
-
-@pytest.mark.parametrize(
-    ("noted", "waited"), [(NOW - 100 * SECOND, SECOND), (NOW - 3, 3), (NOW + SECOND, 0), (0, 0)]
-)
-def test_the_time_of_day_may_be_set_while_a_command_waits_or_be_missing(monkeypatch, noted, waited):
-    clocks = SimpleNamespace(time_ns=lambda: NOW, monotonic_ns=lambda: 5 * SECOND)
-    monkeypatch.setattr(commands, "time", clocks)
-    assert arrival({"received_timestamp": noted}) == 5 * SECOND - waited
 
 
 @pytest.mark.parametrize(

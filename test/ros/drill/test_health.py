@@ -3,11 +3,8 @@
 from types import SimpleNamespace
 
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
-from rpud_msgs.msg import Drive as DriveMessage
-from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.health import StatusReporter, diagnose
@@ -79,16 +76,6 @@ def test_a_vibration_that_the_load_stalls_is_a_warning(weight, stalled):
     level, text, _ = diagnosed(run, "drill")
     assert (level == WARN) is stalled
     assert ("less than 5% of 35 um without load" in text) is stalled
-
-
-def test_steps_of_the_arm_that_lose_power_are_a_warning():
-    run = ran(100, feed_model="arm", initial_feed=0.004)
-    level, _, values = diagnosed(run, "drill")
-    power = run.status("running", Bookkeeping()).fields["actuator_power"]
-    assert (level, abs(float(values["coupling_power [W]"])) < 0.05 * power) == (OK, True)
-    level, text, _ = diagnosed(run, "drill", coupling_power=-0.06 * power)
-    assert level == WARN
-    assert f"steps of the arm lose {-0.06 * power:.3g} W, more than 5% of" in text
 
 
 class Drill:
@@ -201,24 +188,3 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     report = drill.report()
     assert (report.status["commands_accepted"], report.status["commands_rejected"]) == (1, 1)
     assert not drill.reporter.refused_more()
-
-
-def test_a_new_beginning_counts_from_zero(drill):
-    drill.advance(1)
-    drill.report()
-    drill.inbox.refuse(GIVEN, "for a reason")
-    drill.reporter.begin()
-    assert drill.reporter.due()
-    assert drill.reporter.totals.figures()["events"] == 0
-    assert drill.report().status["commands_rejected"] == 0
-
-
-def test_commanders_are_those_of_the_topic_that_has_most(nodes):
-    remapped = ["--ros-args", "-r", "command/drive:=/arm/drive"]
-    nodes.append(rclpy.create_node("drill_node", namespace="/rpud", cli_args=remapped))
-    drill = Drill(nodes[-1])
-    nodes[-1].create_publisher(DriveMessage, "/arm/drive", 1)
-    assert drill.report().status["commanders"] == 1
-    for _ in range(2):
-        nodes[-1].create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1)
-    assert drill.report().status["commanders"] == 2

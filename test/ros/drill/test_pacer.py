@@ -67,18 +67,6 @@ def test_a_late_block_is_made_up_for_without_a_pause_and_counted():
     assert run.read("lateness") == (0.0,)
 
 
-@pytest.mark.parametrize(
-    ("factor", "work", "missed"),
-    [(1.0, PERIOD, 0), (1.0, PERIOD + 1, 1), (10.0, MILLISECOND, 0), (10.0, MILLISECOND + 2, 1)],
-)
-def test_a_deadline_is_missed_by_more_than_a_period_which_is_shorter_where_time_goes_faster(
-    factor, work, missed
-):
-    run = Run(factor=factor)
-    run.blocks([work])
-    assert run.read("deadlines_missed") == (missed,)
-
-
 def test_as_fast_as_possible_nothing_is_waited_for_and_nothing_late():
     run = Run(factor=0.0)
     run.blocks([7 * MILLISECOND] * 100)
@@ -102,14 +90,6 @@ def test_a_pause_and_its_steps_are_neither_late_nor_behind_and_a_start_has_its_o
     run.blocks([0] * 100)
     assert run.elapsed == 10 * PERIOD + 5 * SECOND + SECOND // 4
     assert run.read(*LATENESS) == (0.0, 0.0, 0)
-
-
-def test_a_reset_counts_from_zero_and_holds_the_schedule():
-    run = Run()
-    run.blocks([15 * MILLISECOND] * 3)
-    run.pacer.reset()
-    assert not run.pacer.paces
-    assert run.read(*LATENESS, "blocks", "lateness", "lateness_p50") == (0.0, 0.0, 0, 0, 0.0, 0.0)
 
 
 @pytest.fixture

@@ -5,18 +5,15 @@ Time is a number here: a playback is called again at the time that it returned.
 
 import itertools
 import math
-import os
-import threading
 from functools import partial
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support import real_time_permitted
 
 from rpud_sim.bag import Message
 from rpud_sim.ros.options import RATE, ReplayOptions
-from rpud_sim.ros.replay.playback import Playback, PlaybackError, read_ahead
+from rpud_sim.ros.replay.playback import Playback, PlaybackError
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -140,14 +137,6 @@ def test_a_burst_gives_as_many_as_there_are(count):
     assert stage.playback.position == START + (given - 1) * SECOND
 
 
-def test_steps_and_bursts_are_for_a_paused_replay():
-    stage = Stage([0])
-    for act in (stage.playback.play_next, lambda: stage.playback.burst(1)):
-        with pytest.raises(PlaybackError, match="not paused"):
-            act()
-    assert stage.sent == []
-
-
 def test_a_loop_begins_again_a_moment_later():
     stage = Stage([0, SECOND], loop=True)
     stage.run(3.25)
@@ -223,32 +212,3 @@ def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND], start_paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
-
-
-def scheduled():
-    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
-
-
-@pytest.mark.parametrize("priority", [0, 7])
-def test_a_thread_plays_with_its_priority_and_what_it_starts_has_none(priority):
-    seen = {}
-
-    def messages():
-        seen["reads"] = scheduled()
-        yield Message("/a", 5, 5, b"")
-
-    class Outputs:
-        def publish(self, message, *, hurried):
-            seen["publishes"] = scheduled()
-
-    playback = Playback(
-        lambda position: read_ahead(messages()), (5, 5), replay_options(), Outputs()
-    )
-    thread = threading.Thread(target=playback.run, args=[priority])
-    thread.start()
-    thread.join()
-    real_time = priority and real_time_permitted()
-    playing = (os.SCHED_FIFO, 7) if real_time else (os.SCHED_OTHER, 0)
-    assert seen == {"publishes": playing, "reads": (os.SCHED_OTHER, 0)}
-    with pytest.raises(PlaybackError, match="has ended"):
-        playback.do(Playback.pause)

@@ -1,23 +1,18 @@
 """The node of the replayer publishes what it can, and names what it cannot. Over real DDS."""
 
 import dataclasses
-import threading
 from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce
-from rpud_msgs.srv import IsPaused
 from sample_bags import CHAT, TALK, write_bag
-from std_srvs.srv import Trigger
-from support import PATIENCE, until
+from support import until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
-from rpud_sim.ros.options import ReplayOptions
-from rpud_sim.ros.replay.playback import Playback
-from rpud_sim.ros.replay.replayer import Replayer, offer_services
+from rpud_sim.ros.replay.replayer import Replayer
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -117,31 +112,3 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
     subscriber.destroy_node()
     assert received[0].peak_force == expected > 0.0
     assert (received[0].energy_transferred == 0.0) == (release == "0.1.0")
-
-
-def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path, capfd):
-    with rpud_sim.bag.open(write_bag(tmp_path / "asked")) as bag:
-        node = replay(*bag.topics)
-        span, options = (bag.start_time, bag.end_time), ReplayOptions(bag="", start_paused=True)
-        playback = Playback(lambda position: bag.messages(list(node.topics)), span, options, node)
-        offer_services(node, playback)
-        thread = threading.Thread(target=playback.run)
-        thread.start()
-
-        def ask(name, kind=Trigger):
-            client = node.create_client(kind, f"~/{name}")
-            assert client.wait_for_service(PATIENCE)
-            future = client.call_async(kind.Request())
-            rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
-            return future.result()
-
-        try:
-            for publisher in list(node.publishers):
-                node.destroy_publisher(publisher)  # publishing raises an error from now on
-            assert not ask("play_next").success
-            assert node.failures == 1
-            assert "request failed: play_next: it raised RCLError" in capfd.readouterr().err
-            assert ask("is_paused", IsPaused).paused
-        finally:
-            playback.stop()
-            thread.join()
