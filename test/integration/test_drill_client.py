@@ -118,6 +118,7 @@ def test_what_it_waits_for_in_vain_has_a_time_limit(drill):
 def test_two_living_drills_are_refused_a_killed_one_is_not_and_none_is_noticed(start_drill):
     first = start_drill("/twins", **PAUSED)
     second = start_drill("/twins", **PAUSED)
+    first.wait_for_line("WARN.*: 2 nodes are named /twins/drill_node: all of them answer the same")
     with DrillClient("/twins", patience=PATIENCE) as drill:
         until(lambda: drill.node.count_publishers("/twins/status") == 2)
         with pytest.raises(NoDrillError, match=r"2 nodes publish /twins/status"):
