@@ -66,6 +66,7 @@ def test_one_sample_that_is_missing_or_twice_there_fails(first, count, data):
     assert not checks.telemetry("wrench", tally(*twice), last).passed
 
 
+@pytest.mark.extended
 def test_the_whole_runs_against_a_real_drill(process):
     """A short run cannot show the growth of memory, and a busy machine misses deadlines."""
     run = process("env", "-C", ROOT, sys.executable, "-m", "bench.soak", "--duration", "3")

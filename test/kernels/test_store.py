@@ -6,7 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.kernels.store import BASELINE, KernelStore, Target, kernel_name, notice, user_folders
+from rpud_sim.kernels.store import (
+    BASELINE,
+    BASELINE_FEATURES,
+    KernelStore,
+    Target,
+    choose_target,
+    kernel_name,
+    notice,
+    user_folders,
+)
 
 WHAT = ("room.f", "(float64,)", "x86-64-v2", "", "sources")
 NAME = kernel_name(*WHAT)
@@ -99,3 +108,20 @@ def test_the_users_folder_is_that_of_xdg(monkeypatch, cache, folder):
     monkeypatch.setenv("HOME", "/h")
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
     assert [str(each) for each in user_folders()] == [folder or "/h/.cache/rpud_sim/kernels"]
+
+
+ENOUGH = ",".join(f"+{name}" for name in sorted(BASELINE_FEATURES))
+
+
+@pytest.mark.parametrize("more", ["", ",+avx512f,+fma4", ",-avx512f"])
+def test_kernels_are_the_same_on_every_processor_with_the_baseline(more):
+    assert choose_target("a processor", ENOUGH + more) == Target(BASELINE)
+
+
+@pytest.mark.parametrize("missing", sorted(BASELINE_FEATURES))
+def test_a_processor_without_one_instruction_has_kernels_of_its_own(missing):
+    features = ENOUGH.replace(f"+{missing}", f"-{missing}", 1) + ",+fma4"
+    target = choose_target("old", features)
+    assert target.cpu == "old"
+    assert target.features == features
+    assert missing in target.lacking

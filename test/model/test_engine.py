@@ -1,6 +1,7 @@
 """The engine in the whole parameter space: exact, associative, never stuck."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -94,3 +95,28 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     together = 5e-3 / (5e-3 + contacts[0].tool.mass)
     impulses = 5e-3 * (1.0 + together) * velocities
     assert impacts["impulse"][alone] == pytest.approx(impulses[alone], rel=1e-3)
+
+
+MICROGRAM = preset("free").replace(free_mass=1e-11)
+
+
+def failure(parameters, stops):
+    """Return why a drill cannot go on that is advanced from stop to stop [us]."""
+    engine = Engine(parameters)
+    try:
+        for stop in stops:
+            engine.advance(*divmod(stop * 1e-6, 1.0))
+            engine.drain()
+    except EngineError as error:
+        return str(error)
+    pytest.fail("it goes on")
+
+
+def test_a_microgram_ends_with_one_line_that_names_it_wherever_a_caller_stops():
+    text = failure(MICROGRAM, range(0, 3_000_000, 5000))
+    assert re.fullmatch(
+        r"events exceed their budget of 500000 in a simulated second at [01]\.\d+ s, "
+        r"with free_mass = 1e-11 kg \(default: 0\.005\)",
+        text,
+    )
+    assert text == failure(MICROGRAM, range(0, 3_000_000, 1777))

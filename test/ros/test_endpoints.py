@@ -1,10 +1,13 @@
-"""Publishers wait for subscribers, and requests connect to every publisher."""
+"""Publishers wait for subscribers, requests connect to all, and gaps are counted exactly."""
 
 import itertools
 from math import inf
 from types import SimpleNamespace
 
 import pytest
+from geometry_msgs.msg import PoseWithCovariance
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy,
@@ -15,7 +18,8 @@ from rclpy.qos import (
 
 from rpud_sim.bag.metadata import INFINITE
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.endpoints import AcknowledgedPublishers, is_satisfied, request_for
+from rpud_sim.ros.endpoints import AcknowledgedPublishers, SequenceGaps, is_satisfied, request_for
+from rpud_sim.ros.graph import UnknownTypeError, members_of, message_class
 from rpud_sim.ros.replay.replayer import replay_offer
 
 
@@ -91,3 +95,47 @@ def test_of_different_offers_the_strongest_of_each_policy_is_replayed():
     assert offer.deadline == Duration(nanoseconds=10)
     assert offer.lifespan == Duration(nanoseconds=INFINITE)
     assert offer.liveliness_lease_duration == Duration(nanoseconds=3)
+
+
+@given(st.integers(1, 10**12), st.sets(st.integers(1, 200)))
+def test_gaps_of_one_publisher_are_counted_exactly(first, lost):
+    gaps = SequenceGaps(lambda: 1)
+    arrived = [number for number in range(202) if number not in lost]
+    for number in arrived:
+        gaps.record(first + number)
+    assert gaps.missing == len(lost)
+
+
+@given(
+    st.lists(st.integers(0, 2), max_size=200), st.tuples(*[st.integers(1, 10**6) for _ in range(3)])
+)
+def test_several_publishers_that_lose_nothing_have_no_gaps(order, firsts):
+    # Sequences of different publishers do not touch each other here, as they hardly ever do.
+    following = [first + place * 10**7 for place, first in enumerate(firsts)]
+    gaps = SequenceGaps(lambda: 3)
+    for publisher in order:
+        gaps.record(following[publisher])
+        following[publisher] += 1
+    assert gaps.missing == 0
+
+
+@given(st.lists(st.integers(1, 10**6), min_size=1))
+def test_what_new_publishers_sent_before_they_were_heard_is_missing(firsts):
+    gaps = SequenceGaps(lambda: 1)
+    gaps.from_first = True
+    for first in sorted({2 * first for first in firsts}, reverse=True):  # none continues another
+        gaps.record(first)
+    assert gaps.missing == sum(2 * first - 1 for first in set(firsts))
+
+
+@pytest.mark.parametrize(
+    "name", ["nowhere_msgs/msg/Thing", "std_msgs/msg/Thing", "std_msgs/String", "json/msg/JSON", ""]
+)
+def test_another_type_is_named(name):
+    with pytest.raises(UnknownTypeError, match=name or "''"):
+        message_class(name)
+
+
+def test_a_member_that_no_message_of_ours_has_is_named():
+    with pytest.raises(UnknownTypeError, match=r"double\[36\]"):
+        members_of(PoseWithCovariance)

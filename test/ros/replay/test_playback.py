@@ -5,15 +5,17 @@ Time is a number here: a playback is called again at the time that it returned.
 
 import itertools
 import math
+import threading
+import time
 from functools import partial
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.bag import Message
+from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.ros.options import RATE, ReplayOptions
-from rpud_sim.ros.replay.playback import Playback, PlaybackError
+from rpud_sim.ros.replay.playback import Playback, PlaybackError, read_ahead
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -212,3 +214,48 @@ def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND], start_paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
+
+
+def message(number, size=0):
+    return Message("/a", number, number, bytes(size))
+
+
+@given(st.integers(0, 2000), st.sampled_from([0, 10_000]), st.booleans())
+def test_all_come_in_order_and_the_error_where_they_end(count, size, damaged):
+    sent = [message(number, size) for number in range(count)]
+
+    def read():
+        yield from sent
+        if damaged:
+            raise BagFormatError("it is damaged")
+
+    ahead = read_ahead(read())
+    assert list(itertools.islice(ahead, count)) == sent
+    if damaged:
+        with pytest.raises(BagFormatError, match="it is damaged"):
+            next(ahead)
+    assert next(ahead, None) is None
+
+
+@pytest.mark.parametrize(("size", "least", "most"), [(0, 4096, 6000), (1 << 20, 16, 20)])
+def test_it_reads_as_far_as_there_is_room_before_the_first_one_comes(size, least, most):
+    taken = 0
+
+    def endless():
+        nonlocal taken
+        for number in itertools.count(1):
+            taken = number
+            yield message(number, size)
+
+    ahead = read_ahead(endless())
+    assert next(ahead).log_time == 1
+    assert taken >= least
+    before = -1
+    while taken != before:
+        before = taken
+        threading.Event().wait(0.2)
+    assert taken < most
+    ahead.close()
+    after = taken
+    time.sleep(0.05)
+    assert taken == after
