@@ -5,14 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from rpud_msgs.msg import Fault as FaultMessage
 from rpud_msgs.msg import (
     Status,
     Trajectory,
 )
-from sensor_msgs.msg import JointState
 from support import trajectory_messages
 from trajectories import arrays_of
 
@@ -28,20 +26,10 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
-STAMPS = ORIGIN + np.array([0, 7])
-# Samples that are all different from each other.
-SAMPLES = Samples(
-    **{
-        field.name: np.array([0.5, number + 0.25])
-        for number, field in enumerate(dataclasses.fields(Samples))
-    }
-    | {"in_contact": np.array([False, True])}
-)
 
 
 def nanoseconds(time):
@@ -78,29 +66,6 @@ def trajectories(block, sequence):
         filled(Trajectory(), values)
         for values in trajectory_messages(block.segments, sequence, ORIGIN)
     ]
-
-
-def test_wrench_and_joints_are_what_the_mount_feels_and_how_the_bodies_move():
-    force = SAMPLES.reacting_force[1]
-    wrench = said(WrenchStamped, fields.wrench_fields(SAMPLES, STAMPS))
-    joints = said(JointState, fields.joint_state_fields(SAMPLES, STAMPS))
-    for message in (wrench, joints):
-        assert message.header.frame_id == "rpud_mount"
-        assert nanoseconds(message.header.stamp) == ORIGIN + 7
-    parts = [values_of(part).values() for part in (wrench.wrench.force, wrench.wrench.torque)]
-    assert [sorted(part) for part in parts] == [[-force, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    assert wrench.wrench.force.z == -force
-    assert dict(zip(joints.name, joints.position, strict=True)) == {
-        "rpud_nodal_plane_joint": SAMPLES.nodal_plane_position[1],
-        "rpud_free_mass_joint": SAMPLES.free_mass_position[1],
-        "rpud_tool_tip_joint": SAMPLES.drill_tool_displacement[1],
-    }
-    assert joints.velocity.tolist() == [
-        SAMPLES.nodal_plane_velocity[1],
-        SAMPLES.free_mass_velocity[1],
-        SAMPLES.drill_tool_velocity[1],
-    ]
-    assert joints.effort.tolist() == [force, 0.0, 0.0]
 
 
 def test_a_trajectory_has_every_field_of_every_segment_and_is_cut_where_constants_change(block):
