@@ -65,7 +65,7 @@ test-long: ## Run what takes hours: fuzz, kills, mutants, campaign, starts, rand
 .PHONY: test-busy
 test-busy: SEED = 0
 test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
-	@$(WITH_ENV) python test/helpers/busy.py -- env $(EXTENDED) $(PYTEST_ARGS)
+	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) $(PYTEST_ARGS)
 
 .PHONY: mutants
 mutants: install/.package install/.kernels ## Break the engine and the examples' supervisor in known ways: tests must find each
@@ -112,11 +112,11 @@ measure-setup: ## Clone into a new folder and print the time of each stage from 
 
 .PHONY: campaign
 campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
-	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python test/helpers/busy.py -- python -m pytest -m "" test/testing/campaign/test_repeat.py
+	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python tools/busy.py -- python -m pytest -m "" test/testing/campaign/test_repeat.py
 
 .PHONY: starts
 starts: install/.package install/.kernels ## Start a node under test STARTS times (500), in two ways, beside four busy loops: no first command is lost
-	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python test/helpers/busy.py -- python -m pytest -m "" test/testing/test_starts.py
+	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" test/testing/test_starts.py
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each

@@ -14,9 +14,7 @@ from ament_index_python.packages import (
     PackageNotFoundError,
     get_package_prefix,
 )
-from support import until
 
-from rpud_sim.ros.options import COMPRESSIONS
 from rpud_sim.testing import launcher
 
 pytestmark = pytest.mark.extended
@@ -79,19 +77,6 @@ def test_nodes_are_executables_of_the_package_or_of_one_that_it_names(path):
             assert os.access(folder / keyword(node, "executable"), os.X_OK)
         else:
             assert re.search(rf"\b{package}\b", manifest), package
-
-
-@pytest.mark.parametrize(
-    ("executable", "flags"),
-    [
-        ("recorder", ["--out"]),
-        ("replayer", ["--rate", "--start", "--loop", "--clock", "--with-parent"]),
-    ],
-)
-def test_executables_know_the_flags_that_they_are_given(process, executable, flags):
-    helper = process(executable, "--help")
-    assert helper.wait() == 0
-    assert [flag for flag in flags if flag not in helper.output] == []
 
 
 @every_launch_file
@@ -160,11 +145,6 @@ def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
     assert left_behind(launched) == []
 
 
-def test_a_parameter_file_is_a_path_or_a_name_in_the_package(launch, tmp_path):
-    launched = launch("drill.launch.py", "config:=paper_free.yaml")
-    launched.wait_for_line("drilling: regime free")
-
-
 def test_a_recording_ends_with_its_drill_and_keeps_its_bag(launch, tmp_path):
     launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}")
     launched.wait_for_line("recording [0-9]+ topics")
@@ -176,23 +156,6 @@ def test_a_recording_ends_with_its_drill_and_keeps_its_bag(launch, tmp_path):
     assert left_behind(launched) == []
 
 
-def test_a_recorded_drill_ends_when_its_recorder_fails(launch, tmp_path):
-    (tmp_path / "there").mkdir()
-    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'there'}")
-    assert launched.wait() == 1
-    assert "the recorder failed with exit code 1" in launched.output
-    assert left_behind(launched) == []
-
-
-def test_a_launch_that_is_killed_leaves_no_process_and_a_whole_bag(launch, tmp_path):
-    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}")
-    launched.wait_for_line("recording [0-9]+ topics")
-    launched.kill()
-    launched.wait()
-    until(lambda: left_behind(launched) == [])
-    assert (tmp_path / "bag" / "metadata.yaml").exists()
-
-
 def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_path):
     launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}", "compression:=none")
     launched.wait_for_line("drilling: regime drilling")
@@ -200,9 +163,3 @@ def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_
     launched.interrupt()
     assert launched.wait() == 0
     assert (tmp_path / "bag" / "metadata.yaml").exists()
-
-
-def test_the_compressions_are_those_of_the_recorder():
-    calls_of = calls(ROOT / "launch" / "drill_record.launch.py", "DeclareLaunchArgument")
-    (compression,) = [call for call in calls_of if call.args[0].value == "compression"]
-    assert keyword(compression, "choices") == list(COMPRESSIONS)

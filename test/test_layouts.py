@@ -92,14 +92,6 @@ def test_foxglove_plots_numbers_that_are_published(layout):
         assert field_type(*value.split(".")) in (*NUMBERS, "string"), value
 
 
-@every_foxglove
-def test_foxglove_shows_topics_that_are_published(layout):
-    topics = [panel["topicPath"] for panel in panels(layout, "RawMessages")]
-    topics += [panel["topicToRender"] for panel in panels(layout, "DiagnosticSummary")]
-    assert topics
-    assert {topic.removeprefix("/rpud/") for topic in topics} <= PUBLISHED.keys()
-
-
 @pytest.mark.parametrize(("layout", "panel"), pushed("Publish"))
 def test_foxglove_publishes_commands(layout, panel):
     datatype, kind = COMMANDS[panel["topicName"]]
@@ -121,19 +113,6 @@ def test_foxglove_asks_what_the_drill_can_do(layout, panel):
     fill(request, json.loads(panel["requestPayload"]))
     if isinstance(request, InjectFault.Request):
         assert request.fault.kind in KINDS
-
-
-@every_foxglove
-def test_foxglove_arranges_every_panel_once(layout):
-    def arranged(item):
-        if isinstance(item, str):
-            return [item]
-        assert item["direction"] in ("row", "column")
-        assert 0 < item["splitPercentage"] < 100
-        return arranged(item["first"]) + arranged(item["second"])
-
-    content = FOXGLOVE[layout]
-    assert sorted(arranged(content["layout"])) == sorted(content["configById"])
 
 
 @every_plotjuggler

@@ -1,14 +1,10 @@
 """The tests' own tools: a leaked process or a shared ROS domain would spoil every other test."""
 
-import contextlib
-import importlib
 import os
 import select
 import signal
 import sys
 
-from hypothesis import find, settings, strategies
-from hypothesis.errors import NoSuchExample
 from support import Process
 
 STUBBORN = """
@@ -38,27 +34,3 @@ def test_stop_ends_a_process_that_ignores_sigint_and_its_children(monkeypatch):
     stubborn.stop()
     assert stubborn.wait() == -signal.SIGTERM
     assert has_ended(child)
-
-
-def test_examples_do_not_depend_on_what_is_imported(tmp_path, monkeypatch):
-    drawn = set()
-
-    def keep(number):
-        drawn.add(number)
-        return False
-
-    def draw():
-        drawn.clear()
-        with contextlib.suppress(NoSuchExample):
-            find(
-                strategies.integers(0, 10**15),
-                keep,
-                settings=settings(derandomize=True, database=None, max_examples=500),
-            )
-        return set(drawn)
-
-    before = draw()
-    (tmp_path / "a_user_module.py").write_text(f"NUMBERS = {list(range(10**9, 10**9 + 300))}")
-    monkeypatch.syspath_prepend(tmp_path)
-    importlib.import_module("a_user_module")
-    assert draw() == before

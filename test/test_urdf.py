@@ -6,11 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import yaml
-from drill_configurations import tables
 
-from rpud_sim.drilling.mount import MountParameters
-from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 from rpud_sim.simulation.sampling import Times
@@ -48,23 +44,6 @@ def cylinders(link, kind="visual"):
             size = float(cylinder.get("radius")), float(cylinder.get("length"))
             found.append((*size, height(element)))
     return sorted(found, key=lambda cylinder: cylinder[2])
-
-
-def mass(link):
-    return float(LINKS[link].find("inertial/mass").get("value"))
-
-
-def moments(link):
-    inertia = LINKS[link].find("inertial/inertia")
-    assert [float(inertia.get(name)) for name in ("ixy", "ixz", "iyz")] == [0.0, 0.0, 0.0]
-    return [float(inertia.get(name)) for name in ("ixx", "iyy", "izz")]
-
-
-def solid(parts):
-    """Give centre and moments about it for coaxial cylinders (mass, radius, length, height)."""
-    centre = sum(m * z for m, _, _, z in parts) / sum(m for m, *_ in parts)
-    across = sum(m * ((3 * r * r + h * h) / 12 + (z - centre) ** 2) for m, r, h, z in parts)
-    return centre, [across, across, sum(m * r * r / 2 for m, r, _, _ in parts)]
 
 
 def test_each_joint_that_moves_is_published_and_carries_the_frame_of_the_messages():
@@ -108,29 +87,6 @@ def test_the_drill_tool_has_the_sections_of_the_paper():
         assert np.array(found) == pytest.approx(np.array(sections), rel=1e-5)
 
 
-def test_masses_are_those_of_the_paper_and_nothing_is_added():
-    found = {name for name, link in LINKS.items() if link.find("inertial") is not None}
-    assert found == {NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME}
-    assert mass(NODAL_PLANE_FRAME) == PARAMETERS.rpud_mass
-    assert mass(FREE_MASS_FRAME) == PARAMETERS.free_mass
-    assert mass(TOOL_TIP_FRAME) == tables("free").drill_tool_mass
-
-
-@pytest.mark.parametrize("link", [NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME])
-def test_moments_of_inertia_are_those_of_the_shape(link):
-    parts = cylinders(link)
-    if link == NODAL_PLANE_FRAME:
-        parts = parts[:1]  # the thin tip in front of the housing counts as massless
-    volumes = [math.pi * r * r * length for r, length, _ in parts]
-    weighed = [
-        (mass(link) * volume / sum(volumes), *part)
-        for volume, part in zip(volumes, parts, strict=True)
-    ]
-    centre, expected = solid(weighed)
-    assert height(LINKS[link].find("inertial")) == pytest.approx(centre, abs=1e-7)
-    assert moments(link) == pytest.approx(expected, rel=1e-4)
-
-
 @pytest.mark.parametrize("regime", ["free", "drilling"])
 @pytest.mark.parametrize("weight_on_bit", [0.0, 100.0])
 def test_the_limits_cover_what_the_drill_does(regime, weight_on_bit):
@@ -150,20 +106,6 @@ def test_the_limits_cover_what_the_drill_does(regime, weight_on_bit):
         assert np.max(np.abs(effort)) < float(limit.get("effort"))
 
 
-def test_rviz_is_shown_frames_and_topics_that_exist():
-    manager = yaml.safe_load((ROOT / "config" / "display.rviz").read_text())[
-        "Visualization Manager"
-    ]
-    assert manager["Global Options"]["Fixed Frame"] in LINKS
-    topics = {
-        value["Value"]
-        for display in manager["Displays"]
-        for name, value in display.items()
-        if name.endswith("Topic")
-    }
-    assert topics == {"robot_description", "wrench"}
-
-
 FEED = ElementTree.parse(ROOT / "urdf" / "rpud_feed.urdf").getroot()
 FEED_JOINTS = {joint.get("name"): joint for joint in FEED.findall("joint")}
 
@@ -180,14 +122,3 @@ def test_feed_and_rotation_extend_the_tree_at_its_root_and_at_the_tool():
         assert joint.get("type") == kind
         assert numbers(joint.find("axis"), "xyz") == [0.0, 0.0, 1.0]
         assert height(joint) == 0.0
-
-
-def test_the_limits_of_feed_and_rotation_are_the_defaults_of_the_parameters():
-    mount, rotor = MountParameters(), RotationParameters()
-    feed, rotation = (FEED_JOINTS[name].find("limit") for name in (FEED_JOINT, ROTATION_JOINT))
-    assert float(feed.get("lower")) == mount.feed_minimum
-    assert float(feed.get("upper")) == mount.feed_maximum
-    assert float(feed.get("velocity")) == mount.feed_rate_limit
-    assert float(feed.get("effort")) == mount.anchoring_force
-    assert float(rotation.get("velocity")) == rotor.rotor_no_load_rate
-    assert float(rotation.get("effort")) == rotor.rotor_stall_torque

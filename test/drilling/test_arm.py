@@ -85,9 +85,3 @@ def test_a_rigid_arm_carries_the_mount_until_its_host_slips():
     # 10 N on 2000 N/m
     assert (moved.position, moved.slipped, moved.slip) == pytest.approx((0.005, -0.001, 0.01))
     assert arm_force(arm, load, moved.position, 0.006 + moved.slipped) == pytest.approx(10.0)
-
-
-def test_play_takes_no_force():
-    arm, load = Arm(1e4, 100.0, 1e-3, 100.0), SpringLoad(0.0, 45.0, 0.0, 0.0)
-    assert drift(arm, load, 5e-4, 0.0, INTERVAL).position == 5e-4
-    assert arm_force(arm, load, 5e-4, 0.0) == 0.0

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.borehole import NO_CUT, BitParameters, cut, radius_of
+from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
 from rpud_sim.drilling.rock import Layer, preset_layer
-from rpud_sim.foundation.quantities import ParameterError
 
 BIT = BitParameters()
 ROCK = preset_layer("sandstone")
@@ -51,13 +50,3 @@ def test_the_cut_is_linear_in_the_weight_up_to_the_contact_depth_and_beyond():
     half = cut(BIT, ROCK, RADIUS, 0.5 * full, flat)
     assert half.depth == pytest.approx(0.5 * full_depth)
     assert half.friction_torque == pytest.approx(0.25 * ROCK.friction * RADIUS * bearing)
-
-
-@pytest.mark.parametrize("weight", [0.0, -1.0])
-def test_without_weight_it_does_not_cut(weight):
-    assert cut(BIT, ROCK, RADIUS, weight, 0.0) == NO_CUT
-
-
-def test_a_blunt_bit_has_a_larger_flat_than_a_new_one():
-    with pytest.raises(ParameterError, match=r"bit_blunt_flat = 1e-08 m\^2 is not above bit_wear"):
-        BitParameters(bit_blunt_flat=1e-8)

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,12 +60,6 @@ def struck(*steps, strata="sandstone", bit=CLEAR, rock=ROCK):
     return borehole.state
 
 
-def filling(state):
-    """Share of the default flutes that is full, with the tool at the bottom of the hole."""
-    room = BIT.flute_area * state.depth
-    return state.packed_cuttings / room if room else 0.0
-
-
 @given(st.lists(st.floats(-0.01, 0.1), min_size=1, max_size=8), st.floats(0.0, 0.08))
 def test_impacts_break_by_what_exceeds_the_threshold_however_steps_divide_them(energies, threshold):
     strata = Strata((dataclasses.replace(SANDSTONE, threshold_energy=threshold),))
@@ -83,18 +76,6 @@ def test_impacts_that_choke_hold_each_other_up_however_steps_divide_them():
     ]
     free = 300 * 0.498 * ROCK.rock_energy_transfer / (10e6 * ROCK.hole_area)
     assert depths[0] == depths[1] < 0.9 * free
-
-
-def test_the_hole_is_at_most_as_deep_as_the_tool_is_long_and_nothing_resists_there():
-    drill = Drill(rock=WHOLE, deep=LENGTH - 1e-3)
-    drill.run(0.05, energy=1.0)
-    assert drill.rotor.state.torque > 0.0
-    wear = [drill.run(1.0, energy=1.0).bit_wear for _ in range(2)]
-    state = drill.borehole.state
-    assert (state.depth, drill.borehole.bottom, state.layer) == (LENGTH, LENGTH, "sandstone")
-    assert (state.penetration_rate, wear[0]) == (0.0, wear[1])
-    assert math.isnan(state.specific_energy)
-    assert drill.rotor.state.torque < 1e-3  # of the last cuttings in the flutes
 
 
 def test_by_rotation_the_rate_is_the_depth_of_cut_times_the_turns():
@@ -149,35 +130,6 @@ def test_too_much_weight_stalls_the_rotor_where_the_torques_say(share, stalls):
     assert drill.rotor.state.stalled is stalls
 
 
-def test_without_rotation_the_flutes_choke_and_hold_up_the_progress():
-    turns, stands = (
-        Drill(bit=BIT, rotates=each, deep=0.02).run(4.0, energy=0.7) for each in (1, 0)
-    )
-    assert filling(turns) < 0.6 < filling(stands)
-    assert stands.penetration_rate < 0.7 * turns.penetration_rate
-
-
-def test_retracting_clears_the_flutes():
-    """What disturbances do is in test/simulation/test_fault_signatures.py."""
-    drill = Drill(bit=BIT, deep=0.02)
-    drilled = drill.run(3.0, energy=0.5)
-    assert filling(drilled) > 0.0
-    for position in np.linspace(drilled.depth, 0.0, 50):
-        drill.run(2 * STEP, mount=float(position) - 1e-9)
-    assert drill.borehole.state.packed_cuttings == drill.rotor.state.torque == 0.0
-
-
-def test_the_state_includes_what_a_fault_adds_and_its_end_takes_it_away():
-    drill = Drill(bit=BitParameters(bit_wear_rate=0.0))
-    healthy = drill.run(0.5, energy=0.15)
-    faulty = drill.run(STEP, faults=Disturbances(clogged=0.9, worn_factor=10.0))
-    cured = drill.run(STEP)
-    assert (healthy.bit_wear, faulty.bit_wear, cured.bit_wear) == pytest.approx((0.0, 1.0, 0.0))
-    assert filling(faulty) > 0.9
-    assert faulty.packed_cuttings > 2.0 * healthy.packed_cuttings
-    assert cured.packed_cuttings == pytest.approx(healthy.packed_cuttings, rel=0.15)
-
-
 def test_a_blunt_bit_wears_on_by_the_work_of_its_friction():
     # The diameter of its flat grows with the distance slid at a constant force: with the work.
     bit = BitParameters(flute_area=1.0, bit_wear_rate=1e-3)
@@ -188,24 +140,6 @@ def test_a_blunt_bit_wears_on_by_the_work_of_its_friction():
     assert state.bit_wear == pytest.approx(grown / (1e-6 - 1e-7), rel=1e-9)
     assert state.bit_wear > 0.1
     assert Drill(bit=bit).run(2.0, mount=-0.01).bit_wear == 0.0
-
-
-def test_rate_and_specific_energy_are_those_of_the_last_second():
-    drill = Drill(rotates=False)
-    assert math.isnan(drill.borehole.state.specific_energy)
-    state = drill.run(1.0, energy=0.1)
-    depth = state.depth
-    assert state.penetration_rate == pytest.approx(depth)
-    assert drill.run(0.5).penetration_rate == pytest.approx(0.5 * depth, rel=0.01)
-    state = drill.run(0.6)
-    assert state.penetration_rate == 0.0
-    assert math.isnan(state.specific_energy)
-
-
-def test_a_bit_walks_sideways_only_until_the_hole_guides_it():
-    faults = Disturbances(side_walk=1e-3)
-    assert Drill(bit=BIT).run(0.5, faults=faults).side_offset == pytest.approx(0.5e-3)
-    assert Drill(bit=BIT, deep=RADIUS).run(0.1, faults=faults).side_offset == 0.0
 
 
 # What must not be at the same end, by parameter.

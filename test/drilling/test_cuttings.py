@@ -61,16 +61,6 @@ def test_rotation_clears_and_depth_chokes(turned, more, depth, deeper, clearing)
     assert steady[0].torque(shallow) <= steady[1].torque(deep) * (1.0 + 1e-9)
 
 
-@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_clogged_flutes_are_fuller_and_resist_more(full, clogged):
-    cuttings = Cuttings(BIT)
-    cuttings.volume = full * ROOM
-    filling = cuttings.filling(DEPTH, clogged)
-    assert 1.0 - filling == pytest.approx((1.0 - full) * (1.0 - clogged), abs=1e-12)
-    assert cuttings.clearance(DEPTH, clogged) <= cuttings.clearance(DEPTH)
-    assert cuttings.torque(DEPTH, clogged) >= cuttings.torque(DEPTH)
-
-
 @pytest.mark.parametrize(
     ("produced", "filling", "clearance"),
     [(0.5 * ROOM / 1.8, 0.5, 1.0), (0.75 * ROOM / 1.8, 0.75, 0.5), (1.0, 1.0, 0.0)],

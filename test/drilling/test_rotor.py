@@ -52,19 +52,6 @@ def test_it_stalls_at_the_exact_time():
     assert rotor.state.angle - angle == pytest.approx(turned, rel=1e-9)
 
 
-def test_a_stalled_tool_is_held_by_what_the_drive_gives_and_starts_below_the_stall_torque():
-    rotor = turn(1.0, 0.2)
-    assert rotor.state.torque == rotor.state.drive_torque == pytest.approx(0.1)
-    for torque, stalled in ((0.2, True), (0.1, True), (0.0999, False)):
-        turn(1.0, torque, rotor=rotor)
-        assert (rotor.state.stalled, rotor.state.rate == 0.0) == (stalled, stalled)
-
-
-def test_a_drive_that_is_off_is_not_stalled_and_brakes_the_rotor():
-    rotor = turn(1.0, 0.01, ratio=0.0, rotor=turn(1.0))
-    assert (rotor.state.rate, rotor.state.stalled, rotor.state.torque) == (0.0, False, 0.0)
-
-
 STEPS = st.lists(
     # length [s], amplitude ratio, torque [N m]
     st.tuples(st.floats(1e-5, 2e-3), st.floats(0.0, 2.0), st.floats(0.0, 0.3)),

@@ -10,15 +10,6 @@ import pytest
 from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file, whole_folder
 
 
-def test_a_folder_has_its_name_when_all_is_in_it(tmp_path):
-    out = tmp_path / "new" / "folder"
-    with whole_folder(out) as part:
-        (part / "file").write_text("content")
-        assert not out.exists()
-    assert (out / "file").read_text() == "content"
-    assert [path.name for path in out.parent.iterdir()] == ["folder"]
-
-
 def written(context, error):
     """Write in a context, and end it with an error."""
 
@@ -90,29 +81,6 @@ def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number, ignored):
         assert writer.stdout.readline() == "half\n"
         writer.send_signal(number)
         assert writer.wait(60) == 128 + number
-    assert os.listdir(tmp_path) == []
-
-
-_IMPATIENT = """
-import signal, sys
-from rpud_sim.cli.program import run_program
-from rpud_sim.foundation.whole_folder import whole_folder
-def trace(frame, event, argument):
-    if frame.f_code.co_name in ("rmtree", "end"):
-        signal.raise_signal(signal.SIGTERM)
-def run():
-    sys.settrace(trace)
-    with whole_folder("folder"):
-        signal.raise_signal(signal.SIGINT)
-run_program("writer", run if sys.argv[1] == "cleanup" else lambda: sys.settrace(trace))
-"""
-
-
-@pytest.mark.parametrize("during", ["cleanup", "end"])
-def test_a_signal_during_the_cleanup_or_the_end_is_no_error(tmp_path, during):
-    command = (sys.executable, "-c", _IMPATIENT, during)
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (128 + signal.SIGTERM, "")
     assert os.listdir(tmp_path) == []
 
 

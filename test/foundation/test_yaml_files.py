@@ -66,12 +66,6 @@ def test_a_file_that_cannot_be_used_is_one_line_with_its_name(tmp_path, content,
     assert refusal(open_yaml, path).startswith(f"{path} {complaint}")
 
 
-def test_a_file_may_be_as_long_as_the_limit(tmp_path):
-    path = tmp_path / "file.yaml"
-    path.write_bytes(b"a: 1\n".ljust(MOST_BYTES, b"#"))
-    assert open_yaml(path).value == {"a": 1}
-
-
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     missing = tmp_path / "missing.yaml"
     assert refusal(open_yaml, missing) == f"{missing}: No such file or directory"

@@ -8,12 +8,11 @@ from drill_client import (
     DEACTIVATE,
     SECOND,
     Client,
-    duration,
     stamps,
 )
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
+from rpud_msgs.msg import Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import ListFaults, StepSimulation
 
 NODE = "/managed/drill_node"
@@ -109,48 +108,12 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     client.until(lambda: len(hard_impacts(impacts, 5 * SECOND // 2)) > 50)
 
 
-def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, drill):
-    assert client.change(CONFIGURE)
-    client.command(WeightOnBit(force=20.0))
-    drill.wait_for_line("command refused: weight_on_bit: the drill is not active")
-    assert client.change(ACTIVATE)
-    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-    assert client.status[-1].commands_rejected == 1
-    assert client.change(DEACTIVATE)
-    client.command(Drive(enabled=True, voltage=50.0, frequency=16000.0))
-    client.until(lambda: client.status[-1].commands_rejected == 2)
-    assert client.change(ACTIVATE)
-    client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
-    last = client.status[-1]
-    assert (last.weight_on_bit, last.drive_voltage) == (8.0, 100.0)
-    assert (last.commands_accepted, last.commands_rejected) == (0, 2)
-
-
 @pytest.mark.parametrize("transition", [ACTIVATE, 77])
 def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, transition):
     assert not client.change(transition)
     drill.wait_for_line("request refused: the state unconfigured has no transition ")
     assert state_of(client) == "unconfigured"
     assert drill.running
-
-
-def test_after_a_clean_up_all_begins_again(client):
-    assert client.change(CONFIGURE)
-    assert client.change(ACTIVATE)
-    assert client.step(0.5) == SECOND // 2
-    assert client.inject("lost_preload").success
-    client.command(WeightOnBit(force=20.0))
-    client.until(lambda: client.status[-1].weight_on_bit == 20.0)
-    assert client.change(DEACTIVATE)
-    assert client.change(CLEANUP)
-    client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
-    client.until(lambda: client.node.count_publishers("/managed/status") == 0)
-    assert client.change(CONFIGURE)
-    assert client.change(ACTIVATE)
-    client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
-    last = client.status[-1]
-    assert (last.weight_on_bit, last.active_faults, last.commands_accepted) == (8.0, 0, 0)
-    assert client.step(0.1) == SECOND // 10
 
 
 def test_what_is_set_while_it_is_unconfigured_is_in_force_at_the_next_activation(client):
@@ -176,25 +139,6 @@ def test_what_is_set_while_it_is_unconfigured_is_in_force_at_the_next_activation
     client.until(lambda: client.status[-1].weight_on_bit == 10.0)
 
 
-def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
-    assert client.change(CONFIGURE)
-    assert client.change(ACTIVATE)
-    request = StepSimulation.Request(duration=duration(1000.0))
-    step = client.call_async(StepSimulation, "simulation/step", request)
-    client.until(lambda: client.status and client.status[-1].state == Status.STATE_RUNNING)
-    text = scenario.read_text()
-    scenario.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
-    refused = client.reset(seed=5)
-    scenario.write_text(text)
-    assert refused.result == Result.RESULT_OPERATION_FAILED
-    assert "hard_rock" in refused.error_message
-    drill.wait_for_line(f"request refused: {scenario}:1: hard_rock cannot be honoured")
-    # It is the pause that ends the step: the reset has not.
-    assert client.set_state(SimulationState.STATE_PAUSED).result == Result.RESULT_OK
-    client.until(step.done)
-    assert step.result().result.error_message == "interrupted: the simulation was paused"
-
-
 @pytest.mark.parametrize(
     ("before", "transition"),
     [
@@ -214,12 +158,4 @@ def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
     state = client.call(GetState, f"{node}/get_state", GetState.Request()).current_state
     assert state.label == "finalized"
     assert process.wait() == 0
-    assert "Traceback" not in process.output
-
-
-def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(start_drill, tmp_path):
-    path = tmp_path / "scenario.yaml"
-    path.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
-    process = start_drill("/unstarted", "hard_rock", scenario=path)
-    assert process.wait() == 1
     assert "Traceback" not in process.output

@@ -2,22 +2,10 @@
 
 import os
 import signal
-import time
 
 import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
-from rclpy.serialization import deserialize_message
-from rpud_msgs.msg import ContactForce, Status
-
-import rpud_sim.bag
-
-
-def recorded_impacts(path):
-    with rpud_sim.bag.open(path) as bag:
-        return [
-            deserialize_message(message.data, ContactForce)
-            for message in bag.messages(["/rpud/contact_force"])
-        ]
+from rpud_msgs.msg import Status
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -84,66 +72,3 @@ def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_u
     node.interrupt()
     assert node.wait(30.0) == 0
     os.kill(frozen.pid, signal.SIGCONT)
-
-
-@pytest.mark.extended
-def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
-    start_drill, process, connect, tmp_path
-):
-    first = start_drill("/rpud")
-    client = connect("/rpud")
-    impacts, statuses = client.listen("contact_force"), client.status
-    recorder = process("recorder", "--out", tmp_path / "run")
-    recorder.wait_for_line(r"recording \d+ topics")
-    ready = time.time_ns()
-    client.until(lambda: impacts and stamps(impacts[-1:])[0] > ready + SECOND // 4)
-    first.kill()
-    first.wait()
-    killed = time.time_ns()
-    second = start_drill("/rpud")
-    client.until(lambda: stamps(impacts[-1:])[0] > killed + 3 * SECOND)
-    second.interrupt()
-    client.until(lambda: statuses[-1].state == Status.STATE_STOPPED)
-    assert second.wait() == 0
-    recorder.interrupt()
-    assert recorder.wait() == 0
-    recorder.wait_for_line(r"recorded \d+ messages on \d+ topics")
-    recorded = recorded_impacts(tmp_path / "run")
-    # What was on its way when the first one was killed may be lost, but not what came before,
-    # nor what the second one sends once it is known.
-    assert stamps(recorded[-1:])[0] > killed + 2 * SECOND
-    for drill in (True, False):
-        part = [it.sequence for it in recorded if (nanoseconds(it.header.stamp) < killed) == drill]
-        assert set(steps(part)) == {1}
-
-
-@pytest.mark.extended
-def test_a_drill_that_stood_still_counts_it_and_skips_nothing(start_drill, connect):
-    node = start_drill("/frozen", real_time_factor=0.2)  # slow, so that a busy machine keeps up
-    client = connect("/frozen")
-    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
-    statuses, diagnostics = client.status, client.listen("/diagnostics")
-    waveforms, trajectories = client.listen("waveform"), client.listen("trajectory")
-    client.until(lambda: statuses and planes and waveforms and trajectories)
-    missed = statuses[-1].deadlines_missed
-    os.kill(node.pid, signal.SIGSTOP)
-    time.sleep(1.0)  # which is 20 periods of the telemetry
-    os.kill(node.pid, signal.SIGCONT)
-    client.until(lambda: statuses[-1].deadlines_missed >= missed + 16)
-    client.until(lambda: abs(statuses[-1].lag) < 0.05)
-    assert max(status.lateness_max for status in statuses) > 0.9
-    end = stamps(statuses[-1:])[0]
-    client.until(lambda: stamps(planes[-1:])[0] > end)
-    assert set(steps(stamps(planes))) == {SECOND // 100}
-    assert set(steps([message.sequence for message in impacts])) == {1}
-    for stream, name in ((waveforms, "reacting_force"), (trajectories, "duration")):
-        assert steps([message.sequence for message in stream]) == [
-            len(getattr(message, name)) for message in stream[:-1]
-        ]
-    client.until(
-        lambda: any(
-            status.name == "/frozen/drill_node: timing" and status.level != b"\x00"
-            for message in diagnostics
-            for status in message.status
-        )
-    )

@@ -2,24 +2,16 @@
 
 import pytest
 from builtin_interfaces.msg import Time
-from drill_client import (
-    SECOND,
-    duration,
-    nanoseconds,
-    stamps,
-)
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rpud_msgs.msg import Result, SimulationState, Status, WeightOnBit
+from drill_client import SECOND, duration, nanoseconds, stamps
+from rpud_msgs.msg import Result, SimulationState, Status
 from rpud_msgs.srv import (
     GetSimulationState,
-    ResetSimulation,
     RunToTime,
     SetSimulationState,
     StepSimulation,
 )
 
 PARAMETERS = {"start_paused": True, "publish_clock": True}
-Reset = ResetSimulation.Request
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +43,9 @@ def try_step(client, seconds):
     return client.call(StepSimulation, "simulation/step", request)
 
 
-@pytest.mark.parametrize(
-    "durability", [DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL]
-)
-def test_at_a_standstill_the_clock_is_still_published(client, durability):
-    client.reset()
+def test_at_a_standstill_the_clock_is_still_published(client):
     reached = client.step(0.25)
-    clock = client.listen("/clock", QoSProfile(depth=100, durability=durability))
+    clock = client.listen("/clock")
     client.until(lambda: len(clock) >= 5)
     assert {nanoseconds(message.clock) for message in clock} == {reached}
 
@@ -88,36 +76,6 @@ def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
     unknown = client.set_state(9)
     assert unknown.result == Result.RESULT_FEATURE_UNSUPPORTED
     assert unknown.error_message == "state 9 is unknown"
-
-
-def test_a_reset_of_the_state_lets_stamps_go_on(client):
-    client.command(WeightOnBit(force=20.0))
-    client.until(lambda: client.status[-1].weight_on_bit == 20.0)
-    client.step(0.3)
-    assert client.inject("lost_preload").success
-    assert client.reset(Reset.SCOPE_STATE).result == Result.RESULT_OK
-    client.until(lambda: client.status[-1].weight_on_bit == 8.0)
-    last = client.status[-1]
-    assert (last.active_faults, last.commands_accepted) == (0, 0)
-    assert last.impacts <= 1  # at time zero all gaps are closed
-    assert stamps([last]) == [3 * SECOND // 10]
-    assert client.step(0.1) == 4 * SECOND // 10
-
-
-def test_a_reset_of_the_time_leaves_the_state(client):
-    client.step(0.3)
-    client.until(lambda: stamps(client.status[-1:])[0] == 3 * SECOND // 10)
-    impacts = client.status[-1].impacts
-    assert impacts > 0
-    assert client.inject("lost_preload").success
-    assert client.reset(Reset.SCOPE_TIME).result == Result.RESULT_OK
-    client.until(lambda: stamps(client.status[-1:])[0] == 0)
-    assert (client.status[-1].impacts, client.status[-1].active_faults) == (impacts, 1)
-    assert client.step(0.1) == SECOND // 10
-    assert client.reset(Reset.SCOPE_SPAWNED).result == Result.RESULT_OK
-    client.until(lambda: client.status[-1].active_faults == 0)
-    assert stamps(client.status[-1:])[0] == SECOND // 10
-    assert client.status[-1].impacts > impacts
 
 
 def test_a_signal_ends_a_step_and_its_client_gets_an_answer(start_drill, connect):

@@ -11,8 +11,6 @@ from ament_index_python.packages import get_package_share_directory
 from rpud_msgs.msg import WeightOnBit
 from support import LOOPBACK
 
-import rpud_sim.bag
-
 pytestmark = pytest.mark.extended
 
 POLICY = Path(get_package_share_directory("rpud_sim"), "config", "sros2_policy.xml")
@@ -116,35 +114,3 @@ def test_all_sockets_are_bound_to_loopback_and_the_policy_names_all_that_is_offe
     client.until(lambda: "/rpud/replayer/seek" in graph_of(client, "replayer")["service"])
     assert set(sockets(replayer.pid)) == {"127.0.0.1"}
     assert excess(client, "replayer") == NOTHING
-
-
-@loopback_alone
-@pytest.mark.usefixtures("drill")
-def test_a_client_without_the_profile_finds_the_drill(process, client, tmp_path):
-    environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    del environment["FASTRTPS_DEFAULT_PROFILES_FILE"]
-    words = ("rpud", "record", "status", "--out", tmp_path / "bag")
-    recorder = process(*words, env=environment)
-    recorder.wait_for_line("subscribed /rpud/status")
-    count = len(client.status)
-    client.until(lambda: len(client.status) > count + 2)
-    recorder.interrupt()
-    assert recorder.wait() == 0
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        assert [(each.topic.name, each.message_count > 0) for each in bag.topics] == [
-            ("/rpud/status", True)
-        ]
-
-
-def test_the_policy_has_the_schema_of_sros2():
-    """Its element and attribute names, as the XSD of its version 0.2.0 gives them."""
-    policy = ElementTree.parse(POLICY).getroot()
-    assert (policy.tag, policy.attrib) == ("policy", {"version": "0.2.0"})
-    for enclave in policy.find("enclaves"):
-        (profile,) = enclave.findall("profiles/profile")
-        assert enclave.get("path") == f"{profile.get('ns')}/{profile.get('node')}"
-        for group in profile:
-            assert group.tag in ("topics", "services", "actions")
-            assert set(group.attrib.values()) == {"ALLOW"}
-            assert {item.tag for item in group} == {group.tag[:-1]}
-            assert all(re.fullmatch(r"~?/?[a-z_/]+", item.text) for item in group)

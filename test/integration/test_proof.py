@@ -123,24 +123,6 @@ def test_the_journal_holds_all_that_happened(bag):
     assert [entry.kind for entry in entries].count("begin") == 2
 
 
-def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect, tmp_path):
-    """Both runs begin at stamp 0, and the recorder hears the second one only."""
-    drill = start_drill("/rpud", start_paused=True, publish_clock=True, seed=5)
-    client = connect("/rpud")
-    client.step(0.6)
-    client.command(WeightOnBit(force=20.0))
-    client.until(lambda: client.status and client.status[-1].weight_on_bit == 20.0)
-    client.step(0.4)
-    client.reset()
-    recorder = process("rpud", "record", "--out", tmp_path / "bag")
-    known(client, recorder, "journal")
-    client.step(1.5)
-    end(drill, recorder)
-    verification = verify(tmp_path / "bag")
-    assert verification.proved, verification
-    assert verification.topics["/rpud/nodal_plane"].equal == 150
-
-
 @contextlib.contextmanager
 def streaming(client):
     """Command another weight on bit at 100 Hz meanwhile, as a controller of an arm does."""

@@ -1,15 +1,12 @@
 """What the recorder does beside recording, with real processes over DDS."""
 
-import os
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from rclpy.serialization import deserialize_message
-from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
 from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
@@ -54,18 +51,6 @@ def test_a_bag_holds_what_it_is_a_recording_of(process, tmp_path):
     assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba", "ros_distro"}
 
 
-def test_a_recorder_that_nobody_reads_has_its_exit_code_and_a_manifest_without_a_drill(tmp_path):
-    reading, writing = os.pipe()
-    os.close(reading)
-    words = ["recorder", "nothing", "--out", str(tmp_path / "run"), "--duration", "0.1"]
-    done = subprocess.run(words, stdout=writing, stderr=writing, check=False)
-    os.close(writing)
-    assert done.returncode == 1  # the topic never appeared
-    [manifest] = manifests(tmp_path / "run")
-    assert (manifest.node, manifest.parameters, manifest.seed) == ("", {}, None)
-    assert manifest.machine
-
-
 def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path):
     recorder = process("recorder", "--out", tmp_path / "run")
     process(sys.executable, HELPERS / "stranger.py").wait_for_line("answered")
@@ -75,30 +60,6 @@ def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path)
     assert recorder.wait() == 0
     assert re.search(r"\d things that arrived could not be used", recorder.output)
     assert sequences(tmp_path / "run") == list(range(100))
-
-
-@pytest.mark.extended
-def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
-    # In another partition it is in the graph, and connected to no one.
-    profile = tmp_path / "partition.xml"
-    profile.write_text(
-        '<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">'
-        '<data_writer profile_name="apart" is_default_profile="true"><qos><partition><names>'
-        "<name>apart</name></names></partition></qos></data_writer></profiles>"
-    )
-    settings = {
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
-        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
-    }
-    words = (sys.executable, HELPERS / "talker.py", "--count", "0", "--subscribers", "0")
-    process(*words, env={**os.environ, **settings}).wait_for_line("published 0")
-    recorder = process("recorder", "contact_force", "--out", tmp_path / "run")
-    recorder.wait_for_line(
-        "subscribed /rpud/contact_force again, as a publisher that is there was not connected"
-    )
-    recorder.interrupt()
-    assert recorder.wait() == 1
-    assert re.search("subscribed /rpud/contact_force again 1 times", recorder.output)
 
 
 def sequences(path):
@@ -138,23 +99,6 @@ def test_services_pause_go_on_and_split(process, talker, connect, tmp_path):
         statuses = [summary for summary in bag.topics if summary.topic.name == STATUS]
         assert [summary.message_count for summary in statuses] == [1]  # said once, in the pause
         assert all(summary.losses.total == 0 for summary in statuses)
-
-
-def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp_path):
-    words = ("--max-bag-duration", "0.2", "--max-bag-size", "200000", "--compression", "none")
-    recorder = process("recorder", "--out", tmp_path / "run", *words)
-    talker("--count", 1000, "--rate", 1000).wait_for_line("published 1000")
-    recorder.interrupt()
-    assert recorder.wait() == 0
-    assert re.search(r"MB in \d+ files\)", recorder.output)
-    assert len(list((tmp_path / "run").glob("*.mcap"))) >= 5
-    assert sequences(tmp_path / "run") == list(range(1000))
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
-        losses = {summary.topic.name: summary.losses for summary in bag.topics}
-        assert losses[CONTACT_FORCE].total == 0
-        assert bag.compression == "none"
-    with AnyReader([tmp_path / "run"]) as reader:
-        assert reader.message_count >= 2001 - losses["/rpud/nodal_plane"].total
 
 
 def test_a_recorder_stops_before_its_bag_is_too_large(process, talker, tmp_path):

@@ -3,18 +3,14 @@
 import itertools
 
 import pytest
-import rclpy
 from builtin_interfaces.msg import Time
 from drill_client import Client, nanoseconds
-from pseudo_terminal import PseudoTerminal
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.srv import Burst, GetRate, IsPaused, Seek, SetRate
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from support import until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
@@ -130,70 +126,3 @@ def test_topics_are_renamed_and_left_out(process, bag, audience):
     assert audience.numbers == []
     # The rules are the command's own, and no old form of ROS arguments.
     assert "deprecated" not in process.output
-
-
-def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
-    talk = Topic("/long", STRING, STRING_HASH, (RecordedProfile(),))
-    count = 12_000
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic(talk, STRING_DEFINITION)
-        for number in range(count):
-            writer.write_message(
-                "/long", serialized_string(str(number)), START + number * SECOND, START
-            )
-    # It keeps what comes, until there is no more room, and takes it more slowly than it is sent.
-    node = rclpy.create_node("slow", context=audience.node.context)
-    subscription = node.create_subscription(
-        String, "/long", lambda message: None, QoSProfile(depth=100_000), raw=True
-    )
-    process = process("replayer", tmp_path / "bag", "--rate", "1e6", "--wait-for-subscribers")
-    heard = []
-
-    def take(most):
-        for _ in range(most):
-            if taken := subscription.handle.take_message(String, True):
-                heard.append(taken[0])
-        return len(heard) == count
-
-    until(lambda: take(100) or not process.running)
-    take(count)
-    node.destroy_node()
-    numbers = [int(deserialize_message(data, String).data) for data in heard]
-    missing = sorted(set(range(count)) - set(numbers))
-    assert not missing, process.output
-    assert numbers == list(range(count))
-    assert process.wait() == 0
-
-
-def test_a_damaged_bag_ends_the_replay_with_an_error(process, audience, tmp_path):
-    audience.hear("/talk", lambda message: None)
-    with BagWriter(tmp_path / "bag", compression="none", chunk_size=1 << 16) as writer:
-        writer.add_topic(Topic("/talk", STRING, STRING_HASH, ()), STRING_DEFINITION)
-        for number in range(2000):
-            writer.write_message("/talk", serialized_string("x" * 100), START + number, START)
-    file = tmp_path / "bag" / "bag_0.mcap"
-    data = bytearray(file.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 1000] = bytes(1000)
-    file.write_bytes(data)
-    process = process("replayer", tmp_path / "bag")
-    assert process.wait() == 1
-    assert str(file) in process.output.splitlines()[-1]
-
-
-def test_a_bar_shows_the_position(bag, audience):
-    words = ("--topics", REPLAYED, "--wait-for-subscribers", "--start-paused")
-    with PseudoTerminal("replayer", str(bag), *words, columns=100, TERM="xterm") as replayer:
-        replayer.until(lambda: "/1.9 s, paused, 0 messages" in replayer.text)
-        audience.ask("play_next")
-        replayer.until(lambda: "/1.9 s, paused, 1 messages" in replayer.text)
-        audience.ask("stop")
-        assert replayer.wait() == 0
-
-
-def test_a_replay_ends_with_its_parent_where_that_is_wanted(process, bag):
-    words = f"replayer {bag} --wait-for-subscribers --with-parent"
-    shell = process("sh", "-c", f"{words} & wait")
-    shell.wait_for_line("replaying .*: 2 topics")
-    shell.kill()
-    shell.wait_for_line(r"replayed \d+ messages")

@@ -61,13 +61,3 @@ def test_a_velocity_moves_the_feed_and_is_not_sent_again_once_it_is_reached(clie
         # One value for two joints: the hardware leaves out what has no command interface.
         assert len(hardware.sent[-1].name) == 2
         assert list(hardware.sent[-1].velocity) == [rate]
-
-
-def test_a_position_moves_the_feed_there(client):
-    hardware = hardware_of(client, feed_command="position")
-    hardware.commands[FEED_JOINT, "position"] = -0.019
-    cycle_until(
-        client, hardware, lambda: abs(hardware.states[FEED_JOINT, "position"] + 0.019) < 1e-9
-    )
-    assert list(hardware.sent[-1].position) == [-0.019]
-    assert not hardware.sent[-1].velocity

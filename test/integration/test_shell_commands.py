@@ -120,12 +120,3 @@ def test_echo_prints_fields_json_lines_and_latched_messages(rpud, fresh):
     assert second["sequence"] == first["sequence"] + 1
     assert rpud("echo", "status", "--once", "--field", "weight_on_bit")[1] == "15.0\n---\n"
     assert rpud("echo", "/clock", "--once", "--field", "clock.nanosec")[1] == "100000000\n---\n"
-
-
-def test_echo_prints_what_is_published_until_it_is_interrupted(rpud, process):
-    echo = process("rpud", "echo", "nodal_plane", "--field", "position", *HERE)
-    rpud("play")
-    echo.wait_for_line("---")
-    rpud("pause")
-    echo.interrupt()
-    assert echo.wait() == 0

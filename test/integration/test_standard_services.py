@@ -1,15 +1,13 @@
 """The standard interface of simulators, where `simulation_interfaces` is installed."""
 
 import pytest
-from drill_client import SECOND
 from rpud_msgs.msg import Status
 
 pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
 
-from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
+from simulation_interfaces.msg import Result, SimulationState
 from simulation_interfaces.srv import (
     GetSimulationState,
-    GetSimulatorFeatures,
     ResetSimulation,
     SetSimulationState,
     StepSimulation,
@@ -42,33 +40,6 @@ def set_state(client, state):
 def step(client, steps):
     request = StepSimulation.Request(steps=steps)
     return client.call(StepSimulation, "step_simulation", request).result
-
-
-def test_the_features_are_those_that_it_has(client):
-    request = GetSimulatorFeatures.Request()
-    features = client.call(GetSimulatorFeatures, "get_simulator_features", request).features
-    assert list(features.features) == [
-        SimulatorFeatures.SIMULATION_RESET,
-        SimulatorFeatures.SIMULATION_RESET_TIME,
-        SimulatorFeatures.SIMULATION_RESET_STATE,
-        SimulatorFeatures.SIMULATION_RESET_SPAWNED,
-        SimulatorFeatures.SIMULATION_STATE_GETTING,
-        SimulatorFeatures.SIMULATION_STATE_SETTING,
-        SimulatorFeatures.SIMULATION_STATE_PAUSE,
-        SimulatorFeatures.STEP_SIMULATION_SINGLE,
-        SimulatorFeatures.STEP_SIMULATION_MULTIPLE,
-    ]
-
-
-def test_a_step_is_a_period_of_the_telemetry(client):
-    assert StepSimulation.Request().steps == 1
-    assert step(client, 1).result == Result.RESULT_OK
-    client.at(SECOND // 100)
-    assert step(client, 24).result == Result.RESULT_OK
-    client.at(SECOND // 4)
-    client.step(0.001)
-    assert step(client, 1).result == Result.RESULT_OK
-    client.at(26 * SECOND // 100)
 
 
 def test_states_follow_each_other_and_steps_are_refused_unless_paused(client):

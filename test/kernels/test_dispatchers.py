@@ -126,15 +126,3 @@ def test_a_processor_without_the_baseline_compiles_its_own_and_leaves_the_others
     assert run(package, **foreign) == COMPILED
     assert run(package, **foreign) == LOADED
     assert run(package) == LOADED
-
-
-def test_other_numba_code_is_compiled_for_this_processor_as_always(package):
-    (package / "other.py").write_text(
-        "import numba, numpy as np\n"
-        "from numba.core.registry import cpu_target\n"
-        "from room.kernel import kernel\n"
-        "kernel(np.zeros(1))\n"
-        "numba.njit(lambda x: x + 1)(1)\n"
-        "print(cpu_target.target_context.codegen().magic_tuple()[1])\n"
-    )
-    assert run(package, main="other.py", NUMBA_CPU_NAME="haswell") == "haswell"

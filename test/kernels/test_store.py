@@ -6,7 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.kernels.store import BASELINE, KernelStore, Target, kernel_name, notice, user_folders
+from rpud_sim.kernels.store import (
+    BASELINE,
+    BASELINE_FEATURES,
+    KernelStore,
+    Target,
+    choose_target,
+    kernel_name,
+    notice,
+    user_folders,
+)
 
 WHAT = ("room.f", "(float64,)", "x86-64-v2", "", "sources")
 NAME = kernel_name(*WHAT)
@@ -26,14 +35,6 @@ def test_what_is_written_is_read_and_its_former_version_is_gone(store):
     file = store.write(NAME, pickle.dumps("present"))
     assert (store.read(NAME), store.read(former)) == ("present", None)
     assert list(store.folders[1].iterdir()) == [file]
-
-
-def test_another_function_type_or_processor_has_its_own_file(store):
-    others = ((0, "room.g"), (1, "(int64,)"), (2, "nehalem"))
-    names = [NAME, *(kernel_name(*WHAT[:i], other, *WHAT[i + 1 :]) for i, other in others)]
-    for name in names:
-        store.write(name, pickle.dumps(name))
-    assert [store.read(name) for name in names] == names
 
 
 def test_a_file_that_is_cut_short_or_changed_is_not_used(store):
@@ -89,11 +90,6 @@ def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):
     assert [path.stat().st_mode & 0o777 for path in (file.parent, file)] == [0o755, 0o644]
 
 
-def test_without_any_folder_nothing_is_kept(store):
-    nowhere = KernelStore(store.folders[:1])
-    assert (nowhere.place(), nowhere.write(NAME, pickle.dumps(1))) == (None, None)
-
-
 def test_no_part_of_a_file_is_left_when_the_disk_is_full(store, monkeypatch):
     def full(path, data):
         path.touch()
@@ -114,10 +110,18 @@ def test_the_users_folder_is_that_of_xdg(monkeypatch, cache, folder):
     assert [str(each) for each in user_folders()] == [folder or "/h/.cache/rpud_sim/kernels"]
 
 
-def test_a_user_without_a_home_has_no_folder(monkeypatch):
-    def homeless():
-        raise RuntimeError("Could not determine home directory.")
+ENOUGH = ",".join(f"+{name}" for name in sorted(BASELINE_FEATURES))
 
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr("pathlib.Path.home", homeless)
-    assert user_folders() == ()
+
+@pytest.mark.parametrize("more", ["", ",+avx512f,+fma4", ",-avx512f"])
+def test_kernels_are_the_same_on_every_processor_with_the_baseline(more):
+    assert choose_target("a processor", ENOUGH + more) == Target(BASELINE)
+
+
+@pytest.mark.parametrize("missing", sorted(BASELINE_FEATURES))
+def test_a_processor_without_one_instruction_has_kernels_of_its_own(missing):
+    features = ENOUGH.replace(f"+{missing}", f"-{missing}", 1) + ",+fma4"
+    target = choose_target("old", features)
+    assert target.cpu == "old"
+    assert target.features == features
+    assert missing in target.lacking

@@ -18,12 +18,11 @@ from trajectories import (
     evaluate,
     finished,
     motion,
-    nodal_plane,
     rebuild,
 )
 
 from rpud_sim.model.contact_models import CONTACT_MODELS
-from rpud_sim.model.drill import SEATING_TIME, derive
+from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import QUANTITIES, preset
 
@@ -126,44 +125,6 @@ def test_changes_keep_the_order_of_bodies_and_continuity_wherever_a_caller_stops
 FREE, DRILLING = tables("free").replace(weight_on_bit=10.0), tables("drilling")
 
 
-def reacting_force(engine, seconds):
-    """Mean reacting force from the last time on until a whole second [N]."""
-    engine.drain()
-    engine.advance(seconds, 0.0)
-    segments, _ = finished(engine)
-    start = segments["start_seconds"][0] + segments["start_fraction"][0]
-    times = np.linspace(start, seconds, 200_000, endpoint=False)
-    return rebuild(segments, np.floor(times), times % 1.0)["reacting_force"].mean()
-
-
-@pytest.mark.parametrize(("before", "after"), [(FREE, DRILLING), (DRILLING, FREE)])
-def test_a_drill_that_changed_its_regime_is_as_one_that_began_in_it(before, after):
-    changed, fresh = Engine(before, 0.2), Engine(after, 0.2)
-    changed.change(1, 0.0, derive(after), COMMANDS)
-    for engine in (changed, fresh):
-        engine.advance(2, 0.0)
-    counts = changed.impact_count, fresh.impact_count
-    assert reacting_force(changed, 22) == pytest.approx(reacting_force(fresh, 22), rel=0.05)
-    struck = changed.impact_count - counts[0], fresh.impact_count - counts[1]
-    assert struck[0] == pytest.approx(struck[1], rel=0.05)
-
-
-def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
-    engine = Engine(FREE, 0.0, drive=False)
-    rest = (10.0, 0.0, 16000.0)
-    engine.advance(5, 0.0)
-    k_1, k_2 = FREE.load_spring_rate, FREE.restoring_spring_rate
-    sag = (10.0 + FREE.free_mass * FREE.gravity) / (k_1 + k_2)
-    assert nodal_plane(finished(engine)[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
-    engine.change(5, 0.0, derive(DRILLING), rest)
-    engine.advance(9, 0.0)
-    segments, _ = finished(engine)
-    fastest = max(abs(nodal_plane(segment, 0.0, 1)) for segment in segments)
-    assert fastest < 20.0 * sag / SEATING_TIME
-    assert abs(nodal_plane(segments[-1], 0.0)) < 1e-6
-    check_trajectory(segments)
-
-
 def instant(regime, wanted):
     """Give a time in the middle of a segment that the condition wants, in the second half."""
     engine = Engine(tables(regime), 0.2)
@@ -191,15 +152,6 @@ def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     tool = derive(DRILLING).tool_mass
     pushed = impact["impulse"] - impact["impact_velocity"] * 5e-3 * tool / (5e-3 + tool)
     assert pushed == pytest.approx(found.mean() * impact["contact_duration"], rel=1e-3)
-
-
-def test_an_impact_in_progress_ends_where_the_rock_is_left():
-    at = instant("drilling", lambda segment: segment["contact"] == 2)
-    engine = Engine(DRILLING, 0.2)
-    engine.change(0, at, derive(FREE), COMMANDS)
-    impact = finished(engine)[1][-1]
-    assert impact["fraction"] + impact["contact_duration"] == pytest.approx(at, abs=1e-12)
-    assert impact["peak_force"] > 0.0
 
 
 @pytest.mark.parametrize("regime", REGIMES)

@@ -247,10 +247,3 @@ def test_half_sine_carries_the_impulse_of_the_collision(m_1, m_2, e, speed):
     assert impulse == pytest.approx((1 + e) * m_1 * m_2 / (m_1 + m_2) * speed)
     area = quad(lambda t: peak * math.sin(math.pi * t / duration), 0, duration)[0]
     assert area == pytest.approx(impulse)
-
-
-@pytest.mark.parametrize("model", ["printed", "rayleigh"])
-def test_the_parameter_chooses_the_model(model):
-    tool = contact.effective_tool(preset("drilling").replace(contact_model=model))
-    law = getattr(contact_models, f"{model}_tool")
-    assert tool == pytest.approx(law(K_1, K_2, *MASSES))

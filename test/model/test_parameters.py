@@ -4,7 +4,7 @@ import pytest
 from drill_configurations import tables
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.model.parameters import Parameters, preset
+from rpud_sim.model.parameters import preset
 
 
 def test_the_tables_of_the_paper():
@@ -18,10 +18,3 @@ def test_the_tables_of_the_paper():
     assert drilling.elastic_modulus == 1.96e11
     with pytest.raises(ParameterError, match=r"regime = 'lunar' is not one of free, drilling"):
         preset("lunar")
-
-
-def test_unknown_names_are_refused():
-    with pytest.raises(
-        ParameterError, match=r"^mass is not a parameter; did you mean rpud_mass\?$"
-    ):
-        Parameters().replace(mass=1.0)

@@ -79,12 +79,6 @@ def test_the_actuator_strikes_a_mass_that_is_still_on_the_tool():
     assert drill.rpud_mass * (state.v_np + v_hv) + carried == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("opened", [ACTUATOR, TOOL])
-def test_a_contact_that_opens_is_not_held_again_at_once(opened):
-    parameters = preset("free").replace(gravity=0.0, **STILL)
-    assert not settled(parameters, opened=opened)[0] & opened
-
-
 def test_overlaps_are_pushed_apart_without_moving_the_nodal_plane():
     state = state_of(u_np=1e-3, u_fm=1e-3 - TOUCHING, u_dt=1e-3 - 2 * TOUCHING)
     assert close_gaps(state, 0, turn_at(0.0)) == BOTH

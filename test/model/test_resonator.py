@@ -7,19 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 from support import examples
-from trajectories import finished
 
 from rpud_sim.model import resonator
 from rpud_sim.model.closed_form import advance_phase, turn_at, vibration_of
 from rpud_sim.model.drill import STATE, derive
-from rpud_sim.model.energy import actuator_work, held_motion
-from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resonator import Resonance
-from rpud_sim.model.search import force_from_tip
-from rpud_sim.model.segment import SEGMENT, load_of
 
 TAU = 500.0 / (math.pi * 16000.0)
 RESISTANCE = 100.0
@@ -148,39 +143,3 @@ def test_a_blow_moves_no_tip_and_takes_its_work_from_the_vibration(phase, impuls
     assert resonator.tip_mass(drill, state) == pytest.approx(
         1.0 / (1.0 / drill.rpud_mass + 1 / mass)
     )
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 3]), st.floats(1e-7, 1e-4))
-def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time):
-    random = np.random.default_rng(seed)
-    segment = np.zeros(1, SEGMENT)[0]
-    fixed = {"contact": contact, "vibration_frequency": 16000.0, "vibration_amplitude": 1e-5}
-    fixed |= {"nodal_plane_angular_frequency": 1e5, "drill_tool_spring_rate": 1e7}
-    for name in SEGMENT.names:
-        segment[name] = fixed.get(name, random.random())
-
-    def force(s):
-        return force_from_tip(load_of(segment, True), segment, s).value
-
-    def angle(s):
-        return 2.0 * math.pi * (segment["vibration_phase"] + 16000.0 * s)
-
-    integral, work = resonator.contact_load(segment, time)
-    real = quad(lambda s: force(s) * math.cos(angle(s)), 0.0, time, limit=200)[0]
-    imag = quad(lambda s: force(s) * math.sin(angle(s)), 0.0, time, limit=200)[0]
-    assert integral == pytest.approx(complex(real, imag), rel=1e-6, abs=1e-9)
-    assert work == pytest.approx(
-        actuator_work(segment, held_motion(segment, 0.0), time), rel=1e-9, abs=1e-12
-    )
-
-
-def test_a_drill_without_drive_comes_to_rest():
-    engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
-    drill = derive(preset("drilling"))
-    engine.change(0, 0.1, drill, (10.0, 0.0, 16000.0), 16000.0)
-    engine.advance(2, 0.0)
-    engine.drain()
-    engine.advance(3, 0.0)
-    assert len(finished(engine)[0]) <= 101
-    assert engine.amplitude == 0.0

@@ -1,14 +1,16 @@
-"""Publishers wait for subscribers, and requests connect to every publisher."""
+"""Publishers wait for subscribers, requests connect to all, and gaps are counted exactly."""
 
 import itertools
 from math import inf
 from types import SimpleNamespace
 
 import pytest
+from geometry_msgs.msg import PoseWithCovariance
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy,
-    HistoryPolicy,
     LivelinessPolicy,
     QoSProfile,
     ReliabilityPolicy,
@@ -16,8 +18,8 @@ from rclpy.qos import (
 
 from rpud_sim.bag.metadata import INFINITE
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.endpoints import AcknowledgedPublishers, is_satisfied, request_for
-from rpud_sim.ros.record.recorder_node import recorded_profile
+from rpud_sim.ros.endpoints import AcknowledgedPublishers, SequenceGaps, is_satisfied, request_for
+from rpud_sim.ros.graph import UnknownTypeError, members_of, message_class
 from rpud_sim.ros.replay.replayer import replay_offer
 
 
@@ -65,12 +67,6 @@ def test_what_its_time_paces_leaves_half_of_the_depth_for_a_hurry(made):
     assert publishers["few"].asked == [52]
 
 
-def test_where_a_message_may_be_overwritten_nothing_waits(made):
-    sent, publishers = made
-    send(sent, "lost", 1000)
-    assert publishers["lost"].asked == []
-
-
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -86,35 +82,6 @@ def test_a_request_is_as_strong_as_the_weakest_offer_and_connects_to_all():
         assert not is_satisfied(request_for([offer], 5), others)
 
 
-def test_a_profile_is_recorded_in_rosbag2_s_words():
-    profile = QoSProfile(
-        depth=7,
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        deadline=Duration(seconds=1, nanoseconds=5),
-        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-    )
-    recorded = recorded_profile(profile)
-    assert (recorded.history, recorded.depth) == ("keep_last", 7)
-    assert recorded.reliability == "best_effort"
-    assert recorded.durability == "transient_local"
-    assert recorded.deadline == 1_000_000_005
-    assert recorded.liveliness == "manual_by_topic"
-
-
-def test_a_single_offer_is_replayed_as_it_was():
-    known = RecordedProfile(durability="transient_local", history="keep_last", depth=1)
-    assert replay_offer([known]).depth == 1
-    assert replay_offer([]).reliability == ReliabilityPolicy.RELIABLE
-    offer = replay_offer([RecordedProfile(reliability="best_effort", deadline=5, lifespan=6)])
-    assert offer.history == HistoryPolicy.KEEP_LAST
-    assert offer.reliability == ReliabilityPolicy.BEST_EFFORT
-    assert offer.durability == DurabilityPolicy.VOLATILE
-    assert offer.deadline == Duration(nanoseconds=5)
-    assert offer.lifespan == Duration(nanoseconds=6)
-    assert offer.liveliness == LivelinessPolicy.AUTOMATIC
-
-
 def test_of_different_offers_the_strongest_of_each_policy_is_replayed():
     recorded = [
         RecordedProfile(reliability="best_effort", deadline=10, lifespan=1),
@@ -128,3 +95,47 @@ def test_of_different_offers_the_strongest_of_each_policy_is_replayed():
     assert offer.deadline == Duration(nanoseconds=10)
     assert offer.lifespan == Duration(nanoseconds=INFINITE)
     assert offer.liveliness_lease_duration == Duration(nanoseconds=3)
+
+
+@given(st.integers(1, 10**12), st.sets(st.integers(1, 200)))
+def test_gaps_of_one_publisher_are_counted_exactly(first, lost):
+    gaps = SequenceGaps(lambda: 1)
+    arrived = [number for number in range(202) if number not in lost]
+    for number in arrived:
+        gaps.record(first + number)
+    assert gaps.missing == len(lost)
+
+
+@given(
+    st.lists(st.integers(0, 2), max_size=200), st.tuples(*[st.integers(1, 10**6) for _ in range(3)])
+)
+def test_several_publishers_that_lose_nothing_have_no_gaps(order, firsts):
+    # Sequences of different publishers do not touch each other here, as they hardly ever do.
+    following = [first + place * 10**7 for place, first in enumerate(firsts)]
+    gaps = SequenceGaps(lambda: 3)
+    for publisher in order:
+        gaps.record(following[publisher])
+        following[publisher] += 1
+    assert gaps.missing == 0
+
+
+@given(st.lists(st.integers(1, 10**6), min_size=1))
+def test_what_new_publishers_sent_before_they_were_heard_is_missing(firsts):
+    gaps = SequenceGaps(lambda: 1)
+    gaps.from_first = True
+    for first in sorted({2 * first for first in firsts}, reverse=True):  # none continues another
+        gaps.record(first)
+    assert gaps.missing == sum(2 * first - 1 for first in set(firsts))
+
+
+@pytest.mark.parametrize(
+    "name", ["nowhere_msgs/msg/Thing", "std_msgs/msg/Thing", "std_msgs/String", "json/msg/JSON", ""]
+)
+def test_another_type_is_named(name):
+    with pytest.raises(UnknownTypeError, match=name or "''"):
+        message_class(name)
+
+
+def test_a_member_that_no_message_of_ours_has_is_named():
+    with pytest.raises(UnknownTypeError, match=r"double\[36\]"):
+        members_of(PoseWithCovariance)

@@ -53,12 +53,6 @@ def test_the_wheels_use_loopback_alone_unless_the_user_has_said_otherwise(prefix
     assert completed(prefix, **variables) == {"AMENT_PREFIX_PATH": prefix} | variables | added
 
 
-def test_an_installed_ros_is_left_as_it_is(prefix):
-    environment = {}
-    complete_environment(environment, prefix)
-    assert environment == {}
-
-
 def test_the_start_of_ros_completes_the_environment_and_an_import_leaves_it():
     script = """
 import os

@@ -59,21 +59,6 @@ def test_security_that_the_wheels_lack_is_refused_in_one_line(process, bag, name
     assert not (bag.parent / "new").exists()
 
 
-def test_a_refusal_of_rcl_is_one_line(process):
-    program = (
-        "from rpud_sim.ros.process import StartError, start_ros\n"
-        "try:\n"
-        "    start_ros()\n"
-        "except StartError as error:\n"
-        "    print(f'refused: {error}')\n"
-    )
-    environment = {**os.environ, "ROS_DOMAIN_ID": "no number"}
-    refused = process(sys.executable, "-c", program, env=environment)
-    assert refused.wait() == 0
-    assert refused.output.startswith("refused: ROS cannot start: ")
-    assert "\n" not in refused.output
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_interrupts_the_sleep(number):
     before = signal.getsignal(number)
@@ -107,22 +92,6 @@ def test_a_hangup_that_is_ignored_stays_ignored():
         assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
-
-
-def test_more_signals_change_nothing():
-    with StopRequest() as stop:
-        for _ in range(100_000):
-            stop.request()
-        os.kill(os.getpid(), signal.SIGTERM)
-        assert stop.wait(60.0)
-
-
-def test_without_a_request_the_sleep_is_as_long_as_asked():
-    with StopRequest() as stop:
-        began = time.monotonic()
-        assert not stop.wait(0.02)
-        assert time.monotonic() - began >= 0.02
-        assert not stop.wait(-1.0)
 
 
 HUNG = """

@@ -30,7 +30,3 @@ def test_it_has_the_joints_that_a_drill_publishes(feed, rotation):
     assert set(links) - set(children) == {"rpud_rail" if feed else "rpud_base"}
     materials = {each.get("name") for each in robot.findall("material")}
     assert {each.get("name") for each in robot.iter("material")} <= materials
-
-
-def test_without_models_it_is_the_file():
-    assert robot_description(FOLDER) == (FOLDER / "rpud.urdf").read_text()

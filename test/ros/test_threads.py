@@ -1,7 +1,6 @@
 """One thread serves requests, has the priority that it asks for, and survives the network."""
 
 import os
-import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 
@@ -19,7 +18,6 @@ from rpud_sim.ros.threads import (
     DelayHistogram,
     Requests,
     StoppedError,
-    quick_switches,
     schedule_thread,
     serve,
 )
@@ -70,13 +68,6 @@ def test_what_an_action_raises_belongs_to_whoever_asked(requests, kind):
     assert requests.do(lambda: "still there") == "still there"
 
 
-def test_an_action_that_returns_a_future_is_answered_with_its_result(requests):
-    future = Future()
-    timer = threading.Timer(0.2, future.set_result, [3])
-    timer.start()
-    assert requests.do(lambda: future) == 3
-
-
 @pytest.mark.parametrize("served", [False, True])
 def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes(served):
     requests = Requests(lambda: served and requests.serve())
@@ -111,17 +102,6 @@ def test_a_thread_has_the_priority_that_it_is_said_to_have(thread):
     assert thread(schedule_thread, 0) == "time-sharing"
     assert thread(scheduled) == (os.SCHED_OTHER, 0)
     assert scheduled() == before
-
-
-def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
-    def refuse(*_):
-        raise PermissionError(1, "Operation not permitted")
-
-    monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    assert thread(schedule_thread, 9) == (
-        "time-sharing: real-time priority 9: Operation not permitted"
-    )
-    assert thread(scheduled) == (os.SCHED_OTHER, 0)
 
 
 def test_what_a_transition_destroys_in_the_midst_of_its_use_is_no_failure(nodes):
@@ -170,20 +150,6 @@ def test_a_message_for_which_rclpy_raises_an_error_is_reported_in_one_line(kind,
         executor.shutdown()
 
 
-def test_switches_are_quick_inside_the_context_alone():
-    before = sys.getswitchinterval()
-    with quick_switches():
-        assert sys.getswitchinterval() < 1e-3 < before
-    assert sys.getswitchinterval() == before
-
-
-def test_nothing_is_not_late():
-    lateness = DelayHistogram()
-    assert (lateness.count, lateness.quantile(0.5), lateness.greatest) == (0, 0.0, 0.0)
-    lateness.add(-5.0)
-    assert (lateness.count, lateness.quantile(0.99), lateness.greatest) == (1, 0.0, 0.0)
-
-
 @given(st.lists(st.floats(0.0, 1e13), min_size=1), st.floats(0.0, 1.0, exclude_min=True))
 def test_quantiles_are_little_too_large_and_never_too_small(delays, share):
     lateness = DelayHistogram()
@@ -192,11 +158,3 @@ def test_quantiles_are_little_too_large_and_never_too_small(delays, share):
     exact = np.quantile(delays, share, method="inverted_cdf") / 1e9
     assert exact * (1 - 1e-12) <= lateness.quantile(share) <= 1.045 * exact + 1e-6
     assert lateness.greatest == pytest.approx(max(delays) / 1e9)
-
-
-def test_its_memory_does_not_grow_with_their_number():
-    lateness = DelayHistogram()
-    for number in range(100_000):
-        lateness.add(float(number))
-    assert len(lateness._counts) < 200
-    assert str(lateness) == "late 0.0515 ms (median), 0.1 ms (99 %), 0.1 ms (most)"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from toolchain.dist.pythons import VERSIONS, find_pythons
+from toolchain.dist.pythons import find_pythons
 
 OWN = "{}.{}".format(*sys.version_info)
 
@@ -15,39 +15,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def program(folder, name, text):
-    """Make a program that prints a text."""
-    file = folder / name
-    file.write_text(f"#!/bin/sh\n{text}\n")
-    file.chmod(0o755)
-    return str(file)
-
-
 def test_one_of_each_version_is_taken_and_names_its_real_file():
     (python,) = find_pythons([sys.executable, sys.executable])
     assert (python.version, python.tag) == (OWN, "cp" + OWN.replace(".", ""))
     assert python.executable == str(Path(sys.executable).resolve())
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "exit 127",  # pyenv's name of a version that it hides
-        """echo '{"executable": "/x", "version": "3.9", "usable": true}'""",
-        """echo '{"executable": "/x", "version": "3.12", "usable": false}'""",  # without headers
-    ],
-)
-def test_a_python_that_cannot_be_used_is_passed(tmp_path, text):
-    assert find_pythons([program(tmp_path, "python3", text), str(tmp_path / "absent")]) == []
-
-
-def test_those_of_pyenv_are_found_though_it_hides_them(tmp_path, monkeypatch):
-    for version in ("3.12", "3.10"):
-        folder = tmp_path / "versions" / f"{version}.1" / "bin"
-        folder.mkdir(parents=True)
-        text = f"""echo '{{"executable": "{folder}", "version": "{version}", "usable": true}}'"""
-        program(folder, f"python{version}", text)
-    monkeypatch.setenv("PYENV_ROOT", str(tmp_path))
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert [each.version for each in find_pythons()] == ["3.10", "3.12"]
-    assert set(VERSIONS) == {"3.10", "3.11", "3.12", "3.13"}

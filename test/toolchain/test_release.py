@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 import subprocess
 import sys
 import zipfile
@@ -14,8 +13,6 @@ from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.packages import find_packages
 
 from toolchain import backend, release
-from toolchain.dist import measure
-from toolchain.dist.messages import with_owner
 
 ROOT = Path(__file__).resolve().parents[2]
 VERSION = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
@@ -68,13 +65,6 @@ def test_the_changelog_is_of_catkin_s_form_and_has_every_version(tree, package):
     assert {"0.1.0", "0.2.0", VERSION} <= {*versions}
 
 
-def test_the_owner_of_one_manifest_becomes_that_of_the_other():
-    text = with_owner((ROOT / "msg_defs" / "package.xml").read_text())
-    root = (ROOT / "package.xml").read_text()
-    for tag in ("maintainer", "url"):
-        assert re.search(rf"<{tag}.*", text)[0] == re.search(rf"<{tag}.*", root)[0]
-
-
 def test_the_archive_of_the_sources_builds_the_wheel_and_is_the_same_each_time(
     tmp_path, monkeypatch
 ):
@@ -95,18 +85,3 @@ def test_the_archive_of_the_sources_builds_the_wheel_and_is_the_same_each_time(
         for path in (ROOT / "rpud_sim").rglob("*.py")
     }
     assert sources <= names
-
-
-def test_what_is_left_to_do_is_said(monkeypatch):
-    left = release.unfinished("9.9.9")
-    assert "CHANGELOG.rst has no section 9.9.9" in left
-    assert "CITATION.cff does not name 9.9.9" in left
-
-
-def test_the_check_of_a_wheel_drills_beside_any_other_drill(monkeypatch):
-    called = []
-    monkeypatch.setattr(measure.Steps, "install", lambda *_: None)
-    monkeypatch.setattr(measure.Steps, "call", lambda _, *words: called.append(words))
-    monkeypatch.setattr(sys, "argv", ["measure", "--extras", "ros"])
-    assert measure.main() == 0
-    assert f"/measure_{os.getpid()}" in called[1]

@@ -7,7 +7,6 @@ import pytest
 
 from rpud_sim.simulation import preset, to_configuration
 from rpud_sim.simulation.configuration import read_parameter_file
-from validation.choices import energy_shares, figure_12_implies
 from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES
 from validation.page import page
@@ -126,21 +125,3 @@ def test_the_default_and_its_file_are_the_fitted_choices(regime):
     # The choices of a regime leave the other one's tool open.
     open_tool = {"free": "contact_model", "drilling": "drill_tool_mass"}[regime]
     assert of_file("tables") == tables.replace(**{open_tool: getattr(of_file("tables"), open_tool)})
-
-
-def test_the_tool_that_figure_12_implies_gives_figure_12():
-    mass, spring_rate = figure_12_implies()
-    free_mass = 5e-3
-    rate = (spring_rate / (free_mass + mass)) ** 0.5
-    velocity = 5.0 * free_mass / (free_mass + mass)
-
-    assert velocity / rate == pytest.approx(42e-6)
-    assert free_mass * rate * velocity == pytest.approx(1650.0)
-
-
-def test_the_energy_after_a_blow_is_that_of_both_bodies():
-    shares = energy_shares(5e-3, 2e-3)
-
-    assert shares["common"] == pytest.approx(5 / 7)
-    assert shares["tool"] == pytest.approx(shares["common"] * 2 / 7)
-    assert shares["net"] == pytest.approx(1.0 - (5 / 7) ** 2)

@@ -1,16 +1,12 @@
 """Commands are taken in order, or refused with a reason; each is counted and has its result."""
 
 import math
-import threading
 import time
-from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from hypothesis import given
-from hypothesis import strategies as st
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Drive as DriveMessage
@@ -25,7 +21,6 @@ from rpud_sim.ros.drill import commands
 from rpud_sim.ros.drill.commands import (
     CommandTopic,
     Inbox,
-    arrival,
     joints_to_feed,
     result_of,
 )
@@ -186,36 +181,6 @@ def test_each_command_to_a_stopped_drill_is_taken_refused_or_counted_as_discarde
     assert inbox.rejected > 0
 
 
-def test_all_commands_that_wait_are_taken_in_one_turn(commander):
-    publisher = commander.publishers[WeightOnBitMessage]
-    for _ in range(10):
-        publisher.publish(WeightOnBitMessage(force=2.0))
-    publisher.wait_for_all_acked()
-    commander.executor.spin_once(timeout_sec=30.0)
-    assert len(commander.inbox.drain()) == 10
-
-
-def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained(commander):
-    inbox, began = commander.inbox, time.monotonic()
-    inbox.accept(WeightOnBit(1.0), GIVEN, time.monotonic_ns() - 70_000_000)
-    assert inbox.take_delays().count == 0
-    inbox.drain()
-    assert inbox.take_delays().greatest >= 0.07
-    commander.give(WeightOnBitMessage(force=12.0))  # from when the middleware has it
-    delays = inbox.take_delays()
-    assert delays.count == 1
-    assert 0.0 < delays.greatest <= time.monotonic() - began + 0.01
-
-
-@pytest.mark.parametrize(
-    ("noted", "waited"), [(NOW - 100 * SECOND, SECOND), (NOW - 3, 3), (NOW + SECOND, 0), (0, 0)]
-)
-def test_the_time_of_day_may_be_set_while_a_command_waits_or_be_missing(monkeypatch, noted, waited):
-    clocks = SimpleNamespace(time_ns=lambda: NOW, monotonic_ns=lambda: 5 * SECOND)
-    monkeypatch.setattr(commands, "time", clocks)
-    assert arrival({"received_timestamp": noted}) == 5 * SECOND - waited
-
-
 @pytest.mark.parametrize(
     ("message", "feed"),
     [
@@ -245,18 +210,6 @@ def test_a_command_to_joints_feeds_is_none_or_is_refused(message, feed):
         joints_to_feed(message)
     assert feed in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-NAMES = st.lists(st.sampled_from([FEED, ROTATION, "elbow", "rpud_nodal_plane_joint"]), max_size=4)
-VALUES = st.lists(st.floats(), max_size=5)
-
-
-@given(NAMES, VALUES, VALUES, VALUES)
-def test_any_command_to_joints_feeds_is_none_or_is_refused(names, position, velocity, effort):
-    message = JointState(name=names, position=position, velocity=velocity, effort=effort)
-    with suppress(ParameterError):
-        feed = joints_to_feed(message)
-        assert feed is None or feed.value in [*position, *velocity]
 
 
 class Log(list):
@@ -305,16 +258,3 @@ def test_each_result_is_told_once_after_the_last_ones_of_each_kind():
     assert (discarded["header"], inbox.discarded) == (third["header"], 1)
     assert "began again" in discarded["reason"]
     assert (inbox.accepted, inbox.rejected) == (0, 0)
-
-
-def test_nothing_is_lost_between_two_threads():
-    inbox = Inbox(Log())
-    forces = [WeightOnBit(number / 100) for number in range(20_000)]
-    filler = threading.Thread(target=lambda: [inbox.accept(force, GIVEN) for force in forces])
-    filler.start()
-    taken = []
-    while filler.is_alive() or len(taken) < len(forces):
-        taken += inbox.drain()
-    filler.join()
-    assert taken == forces  # once each, in the order in which they came
-    assert (inbox.drain(), inbox.accepted, inbox.rejected) == ([], len(forces), 0)

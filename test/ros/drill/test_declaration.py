@@ -91,41 +91,6 @@ def test_what_is_fixed_does_not_change_and_the_reason_names_it(running, name):
     assert set(taken) == {Settings()}
 
 
-def test_what_is_not_fixed_now_may_be_set_and_is_checked(node):
-    drill, taken = node(), []
-    DrillParameters(drill, taken.append, lambda: "")
-    others = [Parameter(name, value=value) for name, value in OTHER.items()]
-    assert drill.set_parameters_atomically(others).successful
-    [result] = drill.set_parameters([Parameter("telemetry_rate", value=33.3)])
-    assert result.reason.startswith("telemetry_rate = 33.3 Hz is not a whole number")
-    assert taken == [Settings().replace(OTHER)]
-
-
-def test_what_may_change_does(running):
-    drill, taken = running
-    values = {
-        "regime": "free",
-        "rpud_damping_ratio": 0.3,
-        "load_spring_rate": 1500.0,
-        "drill_tool_damping_ratio": 0.25,
-        "restoring_spring_rate": 1000.0,
-        "actuator_restitution": 0.9,
-        "drill_tool_restitution": 0.8,
-        "gravity": 1.62,
-        "rock_specific_energy": 5e7,
-        "real_time_factor": 2.0,
-        "command_timeout": 0.5,
-        "command_loss_ramp": 0.25,
-    }
-    assert values.keys() == set(CHANGEABLE)
-    for name, value in values.items():
-        [result] = drill.set_parameters([Parameter(name, value=value)])
-        assert result.successful, (name, result.reason)
-        assert taken[-1].value(name) == drill.get_parameter(name).value == value
-    for name in FIXED:
-        assert taken[-1].value(name) == Settings().value(name)
-
-
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
@@ -144,19 +109,6 @@ def test_a_change_that_cannot_be_used_changes_nothing(running, name, value, reas
     assert reason in result.reason
     assert drill.get_parameter(name).value == before
     assert len(taken) == 1
-
-
-@pytest.mark.parametrize(("name", "value"), [("real_time_factor", 0.001), ("telemetry_rate", 2.0)])
-def test_changes_that_belong_together_are_made_together_or_not_at_all(running, name, value):
-    drill, taken = running
-    good = [Parameter("gravity", value=1.62), Parameter("regime", value="free")]
-    result = drill.set_parameters_atomically([*good, Parameter(name, value=value)])
-    assert not result.successful
-    assert name in result.reason
-    assert drill.get_parameter("gravity").value == 9.81
-    assert len(taken) == 1
-    assert drill.set_parameters_atomically(good).successful
-    assert taken[1:] == [Settings().replace({"gravity": 1.62, "regime": "free"})]
 
 
 def test_parameters_of_every_ros_node_and_of_others_are_let_through(node):

@@ -1,8 +1,6 @@
 """A name that a process of this machine holds is known without discovery."""
 
-import errno
 import signal
-import socket
 import subprocess
 import sys
 
@@ -10,7 +8,7 @@ import pytest
 import rclpy
 
 from rpud_sim.ros.drill.drill_node import DuplicateError, open_drill
-from rpud_sim.ros.drill.managed_node import DuplicateNodes, NameHold
+from rpud_sim.ros.drill.managed_node import NameHold
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
@@ -48,28 +46,6 @@ def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not():
         process.kill()
         process.wait()
         assert not taken()
-
-
-def test_where_such_sockets_are_forbidden_no_name_is_called_taken(monkeypatch):
-    class Forbidden(socket.socket):
-        def bind(self, address):
-            raise PermissionError(errno.EPERM, "Operation not permitted")
-
-    monkeypatch.setattr(socket, "socket", Forbidden)
-    assert [NameHold(NAME, DOMAIN).taken for _ in range(2)] == [False, False]
-
-
-def test_a_node_holds_its_name_in_the_domain_of_its_own_context():
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
-    node = rclpy.create_node("a_node", namespace="/a_namespace", context=context)
-    first, second = DuplicateNodes(node), DuplicateNodes(node)  # in one process they share it
-    second.close()
-    assert taken()
-    first.close()
-    assert not taken()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
 
 
 @pytest.mark.parametrize("namespace", ["twin", "/twin/a"])

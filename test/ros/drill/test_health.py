@@ -3,19 +3,15 @@
 from types import SimpleNamespace
 
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
-from rpud_msgs.msg import Drive as DriveMessage
-from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.health import StatusReporter, diagnose
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.timeline import Pacer
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
-from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
@@ -80,47 +76,6 @@ def test_a_vibration_that_the_load_stalls_is_a_warning(weight, stalled):
     level, text, _ = diagnosed(run, "drill")
     assert (level == WARN) is stalled
     assert ("less than 5% of 35 um without load" in text) is stalled
-
-
-def test_a_hole_as_deep_as_the_tool_is_long_is_a_warning():
-    sections = {"section_1_length": 1e-6, "section_2_length": 1e-6}
-    level, text, _ = diagnosed(ran(200, rock_model="specific_energy", **sections), "drill")
-    said = "the hole is as deep as the drill tool is long: it gets no deeper"
-    assert (level, text) == (WARN, said)
-
-
-def test_steps_of_the_arm_that_lose_power_are_a_warning():
-    run = ran(100, feed_model="arm", initial_feed=0.004)
-    level, _, values = diagnosed(run, "drill")
-    power = run.status("running", Bookkeeping()).fields["actuator_power"]
-    assert (level, abs(float(values["coupling_power [W]"])) < 0.05 * power) == (OK, True)
-    level, text, _ = diagnosed(run, "drill", coupling_power=-0.06 * power)
-    assert level == WARN
-    assert f"steps of the arm lose {-0.06 * power:.3g} W, more than 5% of" in text
-
-
-@pytest.mark.parametrize(
-    ("feed", "expected"),
-    [
-        (Feed("rate", -2.5e-4), {"feed_mode": "rate", "feed_value [m/s]": "-0.00025"}),
-        (Feed("position", 0.012), {"feed_mode": "position", "feed_value [m]": "0.012"}),
-        (None, {}),
-    ],
-)
-def test_the_feed_in_force_is_shown_in_the_unit_of_its_mode(feed, expected):
-    run = ran(20, feed, feed_model="arm", initial_feed=1e-3) if feed else ran()
-    values = diagnosed(run, "commands")[2]
-    assert {key: value for key, value in values.items() if key.startswith("feed")} == expected
-
-
-def test_the_walk_of_the_bit_is_shown_with_a_borehole():
-    run = ran(0, Feed("rate", 1e-3), feed_model="arm", initial_feed=1e-3, strata="sandstone")
-    assert diagnosed(run, "drill")[2]["side_offset [m]"] == "0"
-    run.simulation.inject(Fault("bit_walk"))
-    list(run.advance_to(200 * MILLISECOND))
-    walked = run.simulation.process.borehole.side_offset
-    assert diagnosed(run, "drill")[2]["side_offset [m]"] == f"{walked:g}" != "0"
-    assert "side_offset [m]" not in diagnosed(ran(), "drill")[2]
 
 
 class Drill:
@@ -233,24 +188,3 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     report = drill.report()
     assert (report.status["commands_accepted"], report.status["commands_rejected"]) == (1, 1)
     assert not drill.reporter.refused_more()
-
-
-def test_a_new_beginning_counts_from_zero(drill):
-    drill.advance(1)
-    drill.report()
-    drill.inbox.refuse(GIVEN, "for a reason")
-    drill.reporter.begin()
-    assert drill.reporter.due()
-    assert drill.reporter.totals.figures()["events"] == 0
-    assert drill.report().status["commands_rejected"] == 0
-
-
-def test_commanders_are_those_of_the_topic_that_has_most(nodes):
-    remapped = ["--ros-args", "-r", "command/drive:=/arm/drive"]
-    nodes.append(rclpy.create_node("drill_node", namespace="/rpud", cli_args=remapped))
-    drill = Drill(nodes[-1])
-    nodes[-1].create_publisher(DriveMessage, "/arm/drive", 1)
-    assert drill.report().status["commanders"] == 1
-    for _ in range(2):
-        nodes[-1].create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1)
-    assert drill.report().status["commanders"] == 2

@@ -8,7 +8,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
-from support import PATIENCE, until
+from support import PATIENCE
 
 from rpud_sim.ros.drill.managed_node import ManagedNode
 
@@ -92,16 +92,6 @@ def test_what_stands_for_a_number_is_one(set_parameters, node, given, number):
     assert node.get_parameter("gain").value == number
 
 
-def test_what_is_read_only_may_be_set_to_what_it_is(node):
-    """So that a dump of all parameters can be loaded: rclpy has read-only ones of its own."""
-    of_rclpy = node.get_parameter("start_type_description_service").to_parameter_msg()
-    results = call(node, SetParameters, "set_parameters", parameters=[of_rclpy, KNOWN]).results
-    assert all(result.successful for result in results)
-    of_rclpy.value.bool_value ^= True
-    [result] = call(node, SetParameters, "set_parameters", parameters=[of_rclpy]).results
-    assert "read-only parameter: start_type_description_service" in result.reason
-
-
 def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, capfd):
     def handler(request, response):
         response.success = True
@@ -112,16 +102,3 @@ def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, cap
         assert not call(node, Trigger, "divide").success
     said = "request refused: Trigger: it raised ZeroDivisionError: division by zero"
     assert capfd.readouterr().err.count(said) == 2
-
-
-def test_a_destroyed_node_leaves_no_topic_behind(node):
-    peer = rclpy.create_node("peer")
-
-    def topics():
-        return {name for name, _ in peer.get_topic_names_and_types()}
-
-    until(lambda: "/managed/transition_event" in topics())
-    node.destroy_node()
-    node.destroy_node()  # a second time does nothing
-    until(lambda: "/managed/transition_event" not in topics())
-    peer.destroy_node()

@@ -1,58 +1,35 @@
 """Messages say what the fields say: right types, exact stamps, a trajectory that rebuilds."""
 
-import array
 import dataclasses
 import math
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
+from rpud_msgs.msg import Fault as FaultMessage
 from rpud_msgs.msg import (
-    ContactForce,
-    DrillTool,
-    NodalPlane,
-    ReactingForce,
     Status,
     Trajectory,
-    Waveform,
 )
-from rpud_msgs.msg import Fault as FaultMessage
-from rpud_msgs.msg import Faults as FaultsMessage
-from sensor_msgs.msg import JointState
 from support import trajectory_messages
 from trajectories import arrays_of
 
-from rpud_sim.bag.encoder import Encoder
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import segment
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
-from rpud_sim.ros.drill.publishers import nanoseconds_to_time
 from rpud_sim.ros.drill.services import message_to_fault
-from rpud_sim.ros.graph import filled, members_of
+from rpud_sim.ros.graph import filled
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger
-from rpud_sim.simulation.sampling import Samples
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
-RATE = 50_000
-STAMPS = ORIGIN + np.array([0, 7])
-# Samples that are all different from each other.
-SAMPLES = Samples(
-    **{
-        field.name: np.array([0.5, number + 0.25])
-        for number, field in enumerate(dataclasses.fields(Samples))
-    }
-    | {"in_contact": np.array([False, True])}
-)
 
 
 def nanoseconds(time):
@@ -89,90 +66,6 @@ def trajectories(block, sequence):
         filled(Trajectory(), values)
         for values in trajectory_messages(block.segments, sequence, ORIGIN)
     ]
-
-
-@pytest.mark.parametrize(
-    ("kind", "topic", "frame", "channels"),
-    [
-        (
-            *(NodalPlane, "nodal_plane", "rpud_nodal_plane"),
-            {"position": "nodal_plane_position", "velocity": "nodal_plane_velocity"},
-        ),
-        (
-            *(DrillTool, "drill_tool", "rpud_tool_tip"),
-            {
-                "displacement": "drill_tool_displacement",
-                "velocity": "drill_tool_velocity",
-                "in_contact": "in_contact",
-            },
-        ),
-        (ReactingForce, "reacting_force", "rpud_mount", {"force": "reacting_force"}),
-    ],
-)
-def test_a_sample_is_said_field_by_field(kind, topic, frame, channels):
-    message = said(kind, fields.sampled_fields(topic, SAMPLES, STAMPS))
-    assert nanoseconds(message.header.stamp) == ORIGIN + 7
-    assert message.header.frame_id == frame
-    expected = {field: getattr(SAMPLES, channel)[1] for field, channel in channels.items()}
-    assert values_of(message) == expected
-
-
-def test_wrench_and_joints_are_what_the_mount_feels_and_how_the_bodies_move():
-    force = SAMPLES.reacting_force[1]
-    wrench = said(WrenchStamped, fields.wrench_fields(SAMPLES, STAMPS))
-    joints = said(JointState, fields.joint_state_fields(SAMPLES, STAMPS))
-    for message in (wrench, joints):
-        assert message.header.frame_id == "rpud_mount"
-        assert nanoseconds(message.header.stamp) == ORIGIN + 7
-    parts = [values_of(part).values() for part in (wrench.wrench.force, wrench.wrench.torque)]
-    assert [sorted(part) for part in parts] == [[-force, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    assert wrench.wrench.force.z == -force
-    assert dict(zip(joints.name, joints.position, strict=True)) == {
-        "rpud_nodal_plane_joint": SAMPLES.nodal_plane_position[1],
-        "rpud_free_mass_joint": SAMPLES.free_mass_position[1],
-        "rpud_tool_tip_joint": SAMPLES.drill_tool_displacement[1],
-    }
-    assert joints.velocity.tolist() == [
-        SAMPLES.nodal_plane_velocity[1],
-        SAMPLES.free_mass_velocity[1],
-        SAMPLES.drill_tool_velocity[1],
-    ]
-    assert joints.effort.tolist() == [force, 0.0, 0.0]
-
-
-def test_an_impact_is_said_field_by_field(block):
-    impacts = block.impacts.copy()
-    # The last one just before a whole second.
-    impacts["seconds"][-1], impacts["fraction"][-1] = 4, 1.0 - 1e-12
-    columns = fields.contact_force_fields(impacts, 0)
-    for number, impact in enumerate(impacts):
-        message = filled(ContactForce(), row(columns, number))
-        assert values_of(message) == {name: impact[name] for name in values_of(message)}
-        assert type(message.sequence) is int
-        assert message.header.frame_id == "rpud_tool_tip"
-        exact = int(impact["seconds"]) * SECOND + impact["fraction"] * 1e9
-        assert abs(nanoseconds(message.header.stamp) - exact) <= 0.5
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (5, 0)
-
-
-@pytest.mark.parametrize("time", [0, 1, SECOND - 1, SECOND, ORIGIN])
-def test_times_are_exact(time):
-    message = nanoseconds_to_time(time)
-    assert nanoseconds(message) == time
-    assert 0 <= message.nanosec < SECOND
-    assert fields.stamp_of({"header": fields.header_fields("reacting_force", time)}) == time
-
-
-def test_a_waveform_is_the_samples():
-    values = fields.waveform_fields(SAMPLES, np.array([12, 14]), RATE, ORIGIN)
-    message = filled(Waveform(), row(values, 0))
-    assert nanoseconds(message.header.stamp) == ORIGIN + 12 * SECOND // RATE
-    assert (message.sequence, message.sample_period) == (12, 1.0 / RATE)
-    channels = values_of(message, "sequence", "sample_period")
-    assert len(channels) == 6
-    for name, values in channels.items():
-        assert values.tolist() == getattr(SAMPLES, name).tolist(), name
-        assert isinstance(values, array.array)
 
 
 def test_a_trajectory_has_every_field_of_every_segment_and_is_cut_where_constants_change(block):
@@ -233,24 +126,6 @@ def test_the_status_says_how_the_drill_is_and_what_it_lacks_is_not_a_number():
     lacking = status_of(Simulation(preset("drilling")))
     for name in ("electrical_power", "depth", "penetration_rate"):
         assert math.isnan(getattr(lacking, name))
-
-
-def test_the_ledger_is_said_record_by_record():
-    ledger = FaultLedger()
-    ledger.inject(3, Fault("bias", "wrench", 2.5))
-    ledger.inject(5, Fault("free_mass_jammed"))
-    ledger.clear(SECOND + 4, 1)
-    values = fields.faults_fields(ledger, 2 * SECOND, ORIGIN)
-    message = deserialize_message(Encoder(members_of(FaultsMessage)).encode(values), FaultsMessage)
-    assert nanoseconds(message.header.stamp) == ORIGIN + 2 * SECOND
-    assert (message.header.frame_id, message.forgotten) == ("rpud_mount", 0)
-    over, lasting = message.faults
-    assert (over.number, over.kind, over.channel, over.magnitude) == (1, "bias", "wrench", 2.5)
-    assert (lasting.number, lasting.kind, lasting.channel) == (2, "free_mass_jammed", "")
-    assert (over.active, lasting.active) == (False, True)
-    assert [nanoseconds(fault.onset) - ORIGIN for fault in message.faults] == [3, 5]
-    assert nanoseconds(over.clear) == ORIGIN + SECOND + 4
-    assert lasting.clear == Time()
 
 
 @pytest.mark.parametrize("kind", KINDS)

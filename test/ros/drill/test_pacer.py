@@ -67,40 +67,6 @@ def test_a_late_block_is_made_up_for_without_a_pause_and_counted():
     assert run.read("lateness") == (0.0,)
 
 
-@pytest.mark.parametrize(
-    ("factor", "work", "missed"),
-    [(1.0, PERIOD, 0), (1.0, PERIOD + 1, 1), (10.0, MILLISECOND, 0), (10.0, MILLISECOND + 2, 1)],
-)
-def test_a_deadline_is_missed_by_more_than_a_period_which_is_shorter_where_time_goes_faster(
-    factor, work, missed
-):
-    run = Run(factor=factor)
-    run.blocks([work])
-    assert run.read("deadlines_missed") == (missed,)
-
-
-@pytest.mark.parametrize(("factor", "late", "lag"), [(1.0, 30, 0.03), (10.0, 2, 0.02)])
-def test_the_lag_is_what_simulation_time_is_behind(factor, late, lag):
-    run = Run(factor=factor)
-    run.blocks([0] * 10)
-    run.clock.now += late * MILLISECOND + 1
-    assert run.read("lag") == pytest.approx((lag,))
-    run.blocks([0] * 3)
-    assert run.read("lag") == (0.0,)
-
-
-def test_factor_and_maximum_are_those_since_the_report_before_quantiles_those_of_all():
-    run = Run()
-    run.blocks(([MILLISECOND] * 9 + [5 * MILLISECOND]) * 100)
-    run.pacer.read()
-    run.blocks([MILLISECOND] * 100)
-    assert run.read("blocks", "lateness_max") == pytest.approx((1100, 0.001))
-    run.blocks([MILLISECOND] * 100)
-    assert run.read("real_time_factor") == pytest.approx((1.0,), abs=0.01)
-    found = run.read("real_time_factor", "lateness_p50", "lateness_p99", "lateness_p99.9")
-    assert found == pytest.approx((1.0, 0.001, 0.005, 0.005), rel=0.05)
-
-
 def test_as_fast_as_possible_nothing_is_waited_for_and_nothing_late():
     run = Run(factor=0.0)
     run.blocks([7 * MILLISECOND] * 100)
@@ -124,30 +90,6 @@ def test_a_pause_and_its_steps_are_neither_late_nor_behind_and_a_start_has_its_o
     run.blocks([0] * 100)
     assert run.elapsed == 10 * PERIOD + 5 * SECOND + SECOND // 4
     assert run.read(*LATENESS) == (0.0, 0.0, 0)
-
-
-def test_a_reset_counts_from_zero_and_holds_the_schedule():
-    run = Run()
-    run.blocks([15 * MILLISECOND] * 3)
-    run.pacer.reset()
-    assert not run.pacer.paces
-    assert run.read(*LATENESS, "blocks", "lateness", "lateness_p50") == (0.0, 0.0, 0, 0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("rate", "factor", "lead"),
-    [(100, 1.0, 0.01), (10, 1.0, 0.01), (1000, 1.0, 0.001), (100, 5.0, 0.002), (100, 0.1, 0.01)],
-)
-def test_a_block_is_computed_ahead_of_its_deadline_and_published_at_it(rate, factor, lead):
-    run = Run(rate, factor)
-    until = boundary(1, rate)
-    period = 1.0 / (rate * factor)
-    assert run.pacer.idle(until) == pytest.approx(period - lead)
-    run.clock.sleep(run.pacer.idle(until))
-    assert run.pacer.idle(until) <= 0.0 < run.pacer.remaining(until)
-    for _ in range(2):  # the second time it is there
-        run.pacer.wait(until)
-        assert run.elapsed == pytest.approx(period * SECOND, abs=2)
 
 
 @pytest.fixture

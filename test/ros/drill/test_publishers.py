@@ -1,11 +1,13 @@
-"""What a subscriber of the drill missed, it knows by the numbers of the messages."""
+"""What a drill has published: numbers tell what was missed, and the journal is kept."""
+
+import time
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from support import until
 
-from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.publishers import DrillPublishers, JournalStore
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
@@ -49,3 +51,39 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, no
     assert numbers == [1, 2, 3, 4, 5, 13]
     executor.shutdown()
     publishers.destroy()
+
+
+def stored(count, **most):
+    store = JournalStore(**most)
+    for number in range(count):
+        store.add(b"entry %d" % number)
+    return store
+
+
+def numbers(entries):
+    return [int(data.split()[1]) for _, data in entries]
+
+
+def test_all_entries_are_read_page_by_page():
+    before = time.time_ns()
+    store = stored(1234)
+    found, pages = [], 0
+    while page := store.read(len(found)):
+        assert len(page) <= 1000
+        found += page
+        pages += 1
+    assert numbers(found) == list(range(1234))
+    times = [published for published, _ in found]
+    assert times == sorted(times)
+    assert before <= times[0] <= times[-1] <= time.time_ns()
+    assert pages == 3
+    assert numbers(store.read(499)) == [499]
+    assert numbers(store.read(1200)) == list(range(1200, 1234))
+
+
+def test_the_oldest_are_dropped_and_counted():
+    store = stored(2600, most=1000)
+    assert (store.count, store.first_kept) == (2600, 1500)
+    assert numbers(store.read(0)) == list(range(1500, 2000))
+    assert numbers(store.read(2500)) == list(range(2500, 2600))
+    assert store.read(2600) == store.read(2**64 - 1) == []

@@ -155,17 +155,6 @@ def test_a_command_that_comes_during_a_block_acts_at_its_end(playing):
     assert (seen, playing.weight_on_bit) == ([before], 33.0)
 
 
-def test_a_command_between_two_blocks_acts_at_the_next_end(make):
-    drill = make(real_time_factor=0.5)  # with time between two blocks
-    drill.timeline.play()
-    drill.go_on()
-    before = drill.weight_on_bit
-    drill.command(33.0)
-    assert take_turn(drill) > 0.0  # nothing is due yet
-    assert (drill.weight_on_bit, drill.run.time) == (before, PERIOD)
-    assert (drill.go_on(), drill.weight_on_bit) == (2 * PERIOD, 33.0)
-
-
 def test_a_stream_of_commands_acts_in_each_block_and_is_reported_at_a_rate_of_its_own(playing):
     playing.go_on()
     began, before = time.monotonic(), playing.publishers.count("status")
@@ -176,16 +165,6 @@ def test_a_stream_of_commands_acts_in_each_block_and_is_reported_at_a_rate_of_it
     periods = (time.monotonic() - began) / health.CHANGE_PERIOD
     assert playing.inbox.accepted == 100
     assert playing.publishers.count("status") - before <= periods + 2
-
-
-def test_waveform_and_trajectory_follow_in_the_time_before_the_next_deadline(playing):
-    for _ in range(4):
-        playing.go_on()
-    assert playing.publishers.streams == []
-    playing.go_on()
-    assert playing.publishers.streams == ["waveform", "trajectory"]
-    names = [name for name, _ in playing.publishers.messages]
-    assert names[: names.index("trajectory")].count("nodal_plane") == 4  # ahead of the fifth
 
 
 def slow(drill):
@@ -219,33 +198,6 @@ def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(m
     assert sent[0] == sent[1]
 
 
-def test_the_diagnostics_of_changes_wait_for_time_and_come_once(make, monkeypatch):
-    monkeypatch.setattr(health, "CHANGE_PERIOD", 0.0)  # each change is reported at once
-    monkeypatch.setattr(health, "REPORT_PERIOD", 3600.0)
-    drill = make()
-    drill.timeline.play()
-    drill.go_on()
-    slow(drill)
-    count = drill.publishers.count
-    statuses, diagnostics = count("status"), count("/diagnostics")
-    for force in (31.0, 32.0, 33.0):
-        drill.command(force)
-        drill.go_on()
-    assert (count("status"), count("/diagnostics")) == (statuses + 3, diagnostics)
-    drill.publishers.meanwhile = lambda: None
-    for _ in range(20):
-        drill.go_on()
-    assert count("/diagnostics") == diagnostics + 1
-
-
-def test_impacts_are_published_within_a_period_of_their_stamps(playing):
-    for _ in range(20):
-        playing.go_on()
-    delays = playing.reporter.impact_delays
-    assert delays.count == playing.run.simulation.impact_count > 0
-    assert 0.0 < delays.quantile(0.5) <= delays.greatest <= PERIOD / SECOND
-
-
 def test_at_a_standstill_only_commands_act_until_it_plays_from_there_on(playing):
     playing.go_on()
     playing.timeline.pause()
@@ -267,19 +219,6 @@ def test_as_fast_as_possible_no_deadline_is_waited_for_and_streams_follow_their_
     assert (drill.clock.slept, drill.clock.now) == ([], START)
     assert drill.publishers.patient
     assert drill.publishers.streams == ["waveform", "trajectory"] * 2
-
-
-def test_another_factor_and_a_reset_begin_a_schedule_of_their_own(playing):
-    playing.go_on()
-    playing.configure(dataclasses.replace(playing.settings, real_time_factor=0.5))
-    playing.go_on()
-    assert playing.publishers.sent_at[-1] == pytest.approx(START + 3 * PERIOD, abs=2)
-    assert not playing.publishers.patient
-    playing.reset(time=True, state=True)
-    replaced = playing.clock.now
-    assert playing.run.time == 0
-    assert playing.go_on() == PERIOD
-    assert playing.publishers.sent_at[-1] == pytest.approx(replaced + 2 * PERIOD, abs=2)
 
 
 @pytest.mark.parametrize(
@@ -325,15 +264,6 @@ def test_a_step_ends_at_its_goal_without_a_deadline_and_its_status_comes_first(d
     assert drill.publishers.sent_at[-1] == pytest.approx(START + PERIOD // 2, abs=2)
 
 
-def test_a_step_reports_at_every_second_of_its_own_time(drill, monkeypatch):
-    reported, tell = [], drill.report
-    monkeypatch.setattr(drill, "report", lambda: reported.append(drill.run.time) or tell())
-    drill.reporter.end_period()  # however much time has elapsed
-    drill.step(5 * SECOND // 2)
-    drill.finish_step()
-    assert reported == [SECOND, 2 * SECOND, 5 * SECOND // 2]
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -368,13 +298,6 @@ def test_only_a_paused_simulation_steps(drill, change, reason):
     with pytest.raises(ParameterError, match=f"^{reason}$"):
         drill.step(2 * PERIOD)
     assert drill.timeline.goal == before
-
-
-@pytest.mark.parametrize("goal", [-1, 0, 10**15 + 1])
-def test_a_step_goes_forward_and_not_too_far(drill, goal):
-    with pytest.raises(ParameterError, match=r"step = .* s is outside its range \(0, 1e\+06\] s"):
-        drill.step(goal)
-    assert drill.timeline.goal is None
 
 
 def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(drill):

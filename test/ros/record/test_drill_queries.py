@@ -105,17 +105,6 @@ def test_a_late_recorder_gets_all_entries_with_their_publishing_times(drill, rec
     assert drill.asked == [33, 0, 10, 20, 30]
 
 
-def test_a_pause_leaves_a_gap_that_is_filled_after_it(drill, recording):
-    drill.note(1, "begin")
-    until_complete(drill, recording, 1)
-    recording.intake.pause()
-    drill.note(9, "drive")
-    until(lambda: recording.turn() or recording.node.taken == 10)
-    recording.intake.pause(False)
-    until_complete(drill, recording, 10)
-    assert sorted(entry.sequence for entry in recording.entries) == list(range(10))
-
-
 def test_entries_that_the_drill_has_dropped_are_named(drill, recording, capfd):
     drill.note(35, "drive")
     drill.dropped = 12

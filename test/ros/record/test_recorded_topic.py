@@ -66,20 +66,8 @@ def test_a_damaged_message_is_no_gap_as_well(topic):
     assert topic.gaps.missing == 3
 
 
-def test_a_gap_in_a_pause_is_no_loss(topic):
-    topic.accept(DATA, info(1), counts=True)
-    topic.accept(DATA, info(9), counts=False)
-    assert topic.gaps.missing == 0
-
-
 def test_a_latched_message_that_comes_again_is_not_recorded_again(topic):
     topic.request = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     assert topic.accept(DATA, info(1), counts=True) is not None
     assert topic.accept(DATA, info(1), counts=True) is None
     assert topic.accept(DATA, info(1, sent=NOW + 1), counts=True) is not None
-
-
-def test_latched_messages_without_a_time_are_told_apart(topic):
-    topic.request = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    assert topic.accept(DATA, info(1, sent=0), counts=True) is not None
-    assert topic.accept(DATA[::-1], info(1, sent=0), counts=True) is not None

@@ -8,11 +8,10 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from std_msgs.msg import Int32, String
+from std_msgs.msg import Int32
 from support import until
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.metadata import Losses
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
@@ -84,81 +83,6 @@ def test_what_is_no_name_is_refused(record, topics, namespace):
         record(topics, namespace)
 
 
-def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record):
-    publisher = peer.create_publisher(String, "a", RELIABLE)
-    recorder = discovered(record(), 1)
-    heard(publisher)
-    before = time.time_ns()
-    publisher.publish(String(data="hello"))
-    (topic, definition), message = take(recorder, 2)
-    assert topic.name == "/rpud/a"
-    assert topic.type == "std_msgs/msg/String"
-    assert topic.type_hash.startswith("RIHS01_df668c740482bbd4")
-    assert [offer.reliability for offer in topic.offered_qos] == ["reliable"]
-    assert definition.endswith("string data\n")
-    assert isinstance(message, Message)
-    assert message.data == b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
-    assert before <= message.publish_time <= message.log_time <= time.time_ns()
-
-
-def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(peer, record):
-    publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in "abc"]
-    recorder = discovered(record(), 3)
-    heard(*publishers)
-    for number in range(99):
-        publishers[number % 3].publish(Int32(data=number))
-        if number % 10 == 0:
-            recorder.receive()
-    taken = take(recorder, 102)
-    times = [item.log_time for item in taken if isinstance(item, Message)]
-    assert len(times) == 99
-    assert times == sorted(times)
-
-
-def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(peer, record):
-    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = discovered(record(), 1)
-    publisher = peer.create_publisher(String, "command", RELIABLE)
-    heard(publisher, by=2)
-    publisher.publish(String(data="go"))
-    _, message = take(recorder, 2)
-    assert b"go" in message.data
-
-
-@pytest.mark.extended
-def test_what_a_new_publisher_sends_before_it_knows_the_recorder_is_lost(peer, record):
-    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = discovered(record(), 1)
-    # Until every publisher that is there would have been found.
-    until(lambda: recorder.discover() or recorder.topics["/rpud/command"].gaps.from_first)
-    publisher = peer.create_publisher(String, "command", SENSOR)  # which it cannot hear yet
-    for _ in range(5):
-        publisher.publish(String(data="too early"))
-    until(lambda: recorder.discover() or publisher.get_subscription_count())
-    publisher.publish(String(data="go"))
-    _, message = take(recorder, 2)
-    assert b"go" in message.data
-    assert recorder.losses == {"/rpud/command": Losses(5)}
-
-
-def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
-    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = discovered(record(), 1)
-    recorder.finish()
-    [(topic, _)] = items(recorder)
-    assert topic.name == "/rpud/command"
-    assert topic.offered_qos == ()
-    assert topic.type_hash.startswith("RIHS01_")
-
-
-def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, record):
-    peer.create_publisher(String, "status", LATCHED).publish(String(data="latched"))
-    recorder = discovered(record(), 1)
-    (topic, _), message = take(recorder, 2)
-    assert b"latched" in message.data
-    assert topic.offered_qos[0].durability == "transient_local"
-
-
 def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong = peer.create_publisher(Int32, "a", RELIABLE)
     recorder = discovered(record(), 1)
@@ -173,37 +97,6 @@ def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong.publish(Int32(data=3))
     _, *taken = take(recorder, 4)
     assert sorted(message.data[4] for message in taken) == [1, 2, 3]
-
-
-def test_a_launch_file_s_namespace_is_recorded():
-    rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
-    recorder = Recorder(Intake(), RecordOptions(out="bag", topics=["a"], namespace="/rpud"))
-    try:
-        assert recorder.get_namespace() == "/launched"
-        recorder.create_publisher(String, "/launched/a", RELIABLE)
-        discovered(recorder, 1)
-        assert recorder.losses.keys() == {"/launched/a"}
-    finally:
-        recorder.destroy_node()
-        rclpy.try_shutdown()
-
-
-def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
-    peer.create_publisher(String, "a", RELIABLE)
-    recorder = discovered(record(), 1)
-    # One process has one type for a topic, unless it is two participants.
-    other = rclpy.Context()
-    rclpy.init(context=other)
-    nodes.append(rclpy.create_node("other", namespace="/rpud", context=other))
-    nodes[-1].create_publisher(Int32, "a", RELIABLE)
-    until(lambda: recorder.discover() or recorder.skipped)
-    assert recorder.skipped == {
-        "/rpud/a [std_msgs/msg/Int32]": "the topic is recorded as std_msgs/msg/String"
-    }
-    assert failure(recorder, allow_empty=True) == (
-        "topics with further types, which are not in the bag: /rpud/a"
-    )
-    rclpy.shutdown(context=other)
 
 
 def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(peer, record):
@@ -308,15 +201,3 @@ def test_topics_are_chosen_by_name_expression_or_namespace(record, options, want
     recorder = record(**(options | patterns), namespace="rpud")
     assert set(filter(recorder.wants, NAMES)) == wanted
     assert not recorder.complete
-
-
-def test_errors_of_the_network_are_counted_and_logged_once_in_a_while(record, capfd):
-    recorder = record()
-    for number in range(5):
-        with recorder.guard("an answer of /stranger"):
-            raise OverflowError(f"number\n{number}")
-    with recorder.guard("an answer of /stranger"):
-        pass
-    assert recorder.suppressed == 5
-    [line] = capfd.readouterr().err.splitlines()
-    assert line.endswith("an answer of /stranger cannot be used: OverflowError: number 0")

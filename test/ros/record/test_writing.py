@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK
-from support import PATIENCE, until
+from support import PATIENCE
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile
@@ -50,14 +50,6 @@ class Writing:
 @pytest.fixture
 def writing(tmp_path):
     return lambda *arguments: Writing(tmp_path / "run", *arguments)
-
-
-def test_the_thread_writes_all_that_was_queued(writing):
-    with writing() as run:
-        run.put(*(message(str(number).encode(), log_time=START + number) for number in range(1000)))
-    assert (run.thread.error, run.ended.is_set()) == (None, False)
-    with rpud_sim.bag.open(run.path) as bag:
-        assert [int(item.data) for item in bag.messages()] == list(range(1000))
 
 
 def test_every_failure_to_write_is_reported_at_once(writing):
@@ -105,19 +97,6 @@ def test_too_little_free_space_ends_the_recording_with_a_whole_bag(writing, monk
     assert run.bag.file_count == 1
     with rpud_sim.bag.open(run.path) as whole:
         assert whole.message_count <= 3
-
-
-def test_a_disk_too_slow_for_the_bound_is_known(writing):
-    class SlowBag(BagWriter):
-        def flush(self):
-            super().flush()
-            if self.message_count:
-                time.sleep(0.3)
-
-    with writing(SlowBag, 0.1) as run:
-        run.put(message(log_time=time.time_ns()))
-        until(lambda: run.thread.exposure or not run.thread.is_alive())
-    assert run.thread.exposure >= 0.3
 
 
 LATCHED = dataclasses.replace(CHAT, offered_qos=(QosProfile(durability="transient_local"),))

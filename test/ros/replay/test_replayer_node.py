@@ -1,23 +1,18 @@
 """The node of the replayer publishes what it can, and names what it cannot. Over real DDS."""
 
 import dataclasses
-import threading
 from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce
-from rpud_msgs.srv import IsPaused
 from sample_bags import CHAT, TALK, write_bag
-from std_srvs.srv import Trigger
-from support import PATIENCE, until
+from support import until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
-from rpud_sim.ros.options import ReplayOptions
-from rpud_sim.ros.replay.playback import Playback
-from rpud_sim.ros.replay.replayer import Replayer, offer_services
+from rpud_sim.ros.replay.replayer import Replayer
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -89,25 +84,12 @@ def test_there_is_one_clock(replay, summaries, capfd):
     assert "the bag's own /clock is left out" in capfd.readouterr().err
 
 
-def test_two_types_do_not_share_a_name(replay, summaries, capfd):
-    other = changed(summaries[TALK.name], name="/other", type="std_msgs/msg/Int32", type_hash="")
-    node = replay(summaries[TALK.name], other, remap=[f"/other:={TALK.name}"])
-    assert list(node.topics) == [TALK.name]
-    assert f"/other: it is a std_msgs/msg/Int32, and {TALK.name} is a" in capfd.readouterr().err
-
-
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 @pytest.mark.parametrize("depth", [0, -1, 2**31, 2**70])
 def test_any_depth_in_a_bag_is_offered_as_far_as_there_is_one(replay, summaries, depth, durability):
     offer = QosProfile(history="keep_last", depth=depth, durability=durability)
     node = replay(changed(summaries[TALK.name], offered_qos=(offer,)))
     assert list(node.topics) == [TALK.name]
-
-
-def test_qos_that_cannot_be_offered_leaves_only_its_topic_out(replay, summaries):
-    odd = changed(summaries[TALK.name], offered_qos=(QosProfile(lifespan=-(2**70)),))
-    node = replay(odd, summaries[CHAT.name])
-    assert list(node.topics) == [CHAT.name]
 
 
 @pytest.mark.parametrize("release", ["0.1.0", "0.2.0"])
@@ -130,31 +112,3 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
     subscriber.destroy_node()
     assert received[0].peak_force == expected > 0.0
     assert (received[0].energy_transferred == 0.0) == (release == "0.1.0")
-
-
-def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path, capfd):
-    with rpud_sim.bag.open(write_bag(tmp_path / "asked")) as bag:
-        node = replay(*bag.topics)
-        span, options = (bag.start_time, bag.end_time), ReplayOptions(bag="", start_paused=True)
-        playback = Playback(lambda position: bag.messages(list(node.topics)), span, options, node)
-        offer_services(node, playback)
-        thread = threading.Thread(target=playback.run)
-        thread.start()
-
-        def ask(name, kind=Trigger):
-            client = node.create_client(kind, f"~/{name}")
-            assert client.wait_for_service(PATIENCE)
-            future = client.call_async(kind.Request())
-            rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
-            return future.result()
-
-        try:
-            for publisher in list(node.publishers):
-                node.destroy_publisher(publisher)  # publishing raises an error from now on
-            assert not ask("play_next").success
-            assert node.failures == 1
-            assert "request failed: play_next: it raised RCLError" in capfd.readouterr().err
-            assert ask("is_paused", IsPaused).paused
-        finally:
-            playback.stop()
-            thread.join()

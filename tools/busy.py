@@ -1,7 +1,7 @@
 """Run a command while busy loops take the processors from it: `make test-busy`.
 
-`python test/helpers/busy.py --loops 4 -- COMMAND` gives the command's exit code. The kernel kills
-each loop with this process, whatever ends that.
+`python tools/busy.py --loops 4 -- COMMAND` gives the command's exit code. The kernel kills each
+loop with this process, whatever ends that.
 """
 
 from __future__ import annotations
