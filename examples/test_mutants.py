@@ -37,5 +37,3 @@ def test_three_mutants_are_caught():
     assert done.returncode == 0, done.stdout + done.stderr
     assert "3 of 3 mutants caught" in done.stdout
     assert "REQ-10" in done.stdout.split("trusts a stuck sensor")[1]
-
-
