@@ -6,7 +6,6 @@ from urllib.parse import quote
 import pytest
 from browser_pages import PHONE
 from browser_screens import (
-    drag,
     of_screen,
     opened,
     served,
@@ -199,20 +198,6 @@ def test_a_refusal_stands_beside_its_control_and_a_jam_is_called_so(live):
     until_screen(live, "screen.clock.block.impacts.length > 0")
     live.tab.get_by_text("log of commands", exact=True).click()
     text_has(live, "#details", "free mass jammed")
-
-
-def test_zoom_of_a_live_drill_and_following_again(live):
-    until_screen(live, "screen.seen.now > 2")
-    drag(live, "figure[data-plot=peak_force]", 0.5, 0.75)
-    start, end = view_of(live)
-    now = of_screen(live, "screen.seen.now")
-    until_screen(live, f"screen.seen.now > {now} + 0.5")
-    assert view_of(live) == [start, end]
-    until_screen(live, f"Math.abs(screen.seen.view.start - {start}) < 0.3")
-    live.tab.locator("body").press("Home")
-    until_screen(live, f"screen.range.end > {now}")
-    click(live, "5 s")
-    until_screen(live, "screen.seen.view.end - screen.seen.view.start < 5.01")
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (1024, "light"), (PHONE, "dark")])

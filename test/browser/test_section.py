@@ -111,15 +111,6 @@ def hole(page, **changes):
     run(page, f"section.setHole({json.dumps({**HOLE, **changes})})")
 
 
-def test_before_the_first_block_it_says_so(opened):
-    page = opened()
-    assert "no waveform yet" in page.tab.inner_text("#section")
-    assert "no waveform yet" in page.tab.get_attribute("#section svg", "aria-label")
-    assert page.tab.get_attribute("#motion .area", "aria-valuetext") == "no waveform yet"
-    assert not page.tab.is_visible("#motion .cursor")
-    page.check()
-
-
 @pytest.mark.parametrize("width", [1400, PHONE])
 @pytest.mark.parametrize("name", ["first", "second", "third", "free"])
 def test_bodies_touch_in_the_picture_where_they_touch_in_the_data(opened, name, width):
@@ -145,40 +136,6 @@ def test_bodies_touch_in_the_picture_where_they_touch_in_the_data(opened, name, 
         assert (picture[data > 0] > 0).all()
         assert (np.abs(picture[data == 0]) < 1e-9).all()
     assert gaps[:, 4].min() > 26 + 118  # the actuator stays below the load unit
-
-
-@pytest.mark.parametrize("depth", [None, 0.0, 0.003, 0.0183])
-def test_bit_stays_above_the_solid_rock(opened, depth):
-    page = opened()
-    hole(page, depth=depth)
-    run(page, "clock.jump(sections.second)")
-    page.settle()
-    places = run(
-        page,
-        """const bottom = document.querySelector("#section .crushed").getBBox(), found = [];
-        for (let each = 0; each < 1200; each += 1) {
-          clock.still(each * sections.second.period);
-          found.push(at("tool") + at("bit") - bottom.y);
-        }
-        return [found, bottom.height];""",
-    )
-    assert min(places[0]) >= -1e-3  # at rest it stands on the crushed rock
-    assert 3 < max(places[0]) < places[1]
-
-
-def test_cursor_and_section_are_at_the_same_place(opened):
-    page = opened()
-    run(page, "clock.speed = 0.5; clock.jump(sections.first)")
-    page.until("clock.place > 1e-3")
-    run(page, "clock.toggle()")
-    held = run(page, "return [clock.place, clock.sample]")
-    cursor = page.tab.locator("#motion .cursor").bounding_box()
-    area = page.tab.locator("#motion .area").bounding_box()
-    share = (cursor["x"] + 0.5 - area["x"] - 52) / (area["width"] - 62)
-    assert share == pytest.approx(held[0] / ((COUNT - 1) / RATE), abs=2e-3)
-    assert abs(held[1] - held[0] * RATE) < 0.501
-    page.tab.wait_for_timeout(150)
-    assert run(page, "return clock.place") == held[0]
 
 
 def test_next_block_is_asked_for_in_time_and_follows(opened):
@@ -283,20 +240,3 @@ def test_hole_grows_through_its_layers_to_scale(opened):
     run(page, "section.setRegime('free')")
     assert not page.tab.query_selector("#section .crushed")
     assert page.tab.is_visible("#section .air")
-
-
-def test_samples_that_are_missing_leave_the_picture_before(opened):
-    page = opened()
-    run(
-        page,
-        "for (const name of ['nodal_plane', 'actuator', 'free_mass', 'drill_tool'])"
-        "  sections.first[name].fill(NaN, 300, 600);"
-        "sections.first.impacts.push([0.012, null, null]);"
-        "clock.jump(sections.first); clock.still(0.004);",
-    )
-    before = run(page, "return at('mass')")
-    run(page, "clock.still(0.007)")
-    assert run(page, "return at('mass')") == before
-    run(page, "clock.still(0.012)")
-    assert "NaN" not in page.tab.inner_html("#section")
-    page.assert_quiet()

@@ -15,18 +15,6 @@ def campaign(tmp_path):
 
 
 @pytest.mark.extended
-def test_all_requirements_met_give_0_and_a_page_with_all_bags(campaign, tmp_path):
-    junit = tmp_path / "junit.xml"
-    result = rpud("test", campaign, "--out", tmp_path / "out", "--junit", junit, "-n", "2")
-    assert (result.returncode, result.stderr) == (0, "")
-    assert "requirements: 3 passed, 0 failed, 0 undecided" in result.stdout
-    assert "2 passed" in result.stdout.splitlines()[-1]
-    assert len(list((tmp_path / "out").glob("*/bag/metadata.yaml"))) == 2
-    assert len(list((tmp_path / "out").glob("*.html"))) == 1
-    assert junit.read_text().count("<testcase") == 2
-
-
-@pytest.mark.extended
 def test_a_requirement_that_no_run_decides_gives_1_and_a_failed_one_3(campaign, tmp_path):
     junit = tmp_path / "junit.xml"
     words = ("test", campaign, "--only", "calm", "--out", tmp_path / "out", "--junit", junit)

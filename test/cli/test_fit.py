@@ -77,13 +77,6 @@ def test_a_fit_that_misses_a_target_ends_with_code_three(capsys, tmp_path):
     assert numbers == {name: content[name] for name in numbers}
 
 
-def test_the_parameter_file_is_one_that_commands_take(capsys, made):
-    file = made[0] / "parameters.yaml"
-    _, printed, _ = called(capsys, "simulate", "--config", file, "--duration", 1, "--json")
-    best = json.loads((made[0] / "fit.json").read_text())["best"]["weight_on_bit"]
-    assert json.loads(printed)["parameters"]["weight_on_bit"] == best
-
-
 @pytest.mark.extended
 def test_a_proof_counts_the_intervals(targets, made):
     folder, _ = made

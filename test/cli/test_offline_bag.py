@@ -1,22 +1,13 @@
 """`rpud simulate --bag` writes the topics of the drill node without ROS."""
 
-import json
-
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
-from support import called
 
-import rpud_sim.bag
-from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.metadata import manifest_from_record
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.configuration import Configuration, Settings
-from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.simulation import Simulation
 
 DURATION = 1.234  # no whole number of blocks
@@ -91,40 +82,3 @@ def test_mcap_ros2_support_reads_the_same(bag, messages):
     assert {t: stamps(m) for t, m in found.items()} == {t: stamps(m) for t, m in messages.items()}
     topic = "/rpud/contact_force"
     assert column(found[topic], "peak_force") == column(messages[topic], "peak_force")
-
-
-def test_rpud_info_knows_of_no_loss(capsys, bag):
-    content = json.loads(called(capsys, "info", bag, "--json")[1])
-    assert content["duration"] == END
-    assert {topic["losses"] for topic in content["topics"]} == {0}
-
-
-def test_a_scenario_is_in_the_manifest_and_its_faults_are_in_the_bag(capsys, tmp_path):
-    scenario = tmp_path / "faults.yaml"
-    scenario.write_text(
-        "faults:\n"
-        "  - {kind: off, channel: nodal_plane, onset: 0.02, duration: 0.015}\n"
-        "  - {kind: lost_preload, magnitude: 0.5, onset: 0.123456789}\n"
-    )
-    path = tmp_path / "bag"
-    words = ("--set", f"scenario={scenario}", "--set", "rock_model=specific_energy")
-    to = ("--duration", 0.2, "--seed", 5, "--bag", path)
-    assert called(capsys, "simulate", *words, *to)[0] == 0
-    with rpud_sim.bag.open(path) as bag:
-        [manifest] = map(manifest_from_record, bag.records(MANIFEST))
-        faults = [message.log_time for message in bag.messages({"/rpud/faults"})]
-    assert (manifest.seed, manifest.scenario) == (5, scenario.read_text())
-    assert manifest.parameters["rock_model"] == "specific_energy"
-    assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba"}
-    # Two come and one goes, each published at the end of its block.
-    assert faults == [0, SECOND // 50, SECOND // 25, SECOND * 13 // 100]
-
-
-def test_an_interrupted_run_leaves_no_bag(tmp_path):
-    def interrupt(seconds):
-        raise KeyboardInterrupt
-
-    beginning = Beginning(Settings(Configuration(preset("drilling"))))
-    with pytest.raises(KeyboardInterrupt):
-        write_offline_bag(tmp_path / "bag", Plan(beginning), 1.0, report=interrupt)
-    assert not (tmp_path / "bag").exists()

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from rpud_sim.cli.program import progress_bar, status_line
+from rpud_sim.cli.program import progress_bar
 from rpud_sim.foundation.terminal import table
 
 
@@ -68,18 +68,6 @@ def test_elsewhere_a_line_is_written_every_ten_seconds(screen, advance):
     ]
     assert all("messages/s]" in line and "\r" not in line for line in lines)
     assert log.getvalue().endswith("\n")
-
-
-def test_a_status_that_nobody_reads_any_more_ends_nothing(monkeypatch, advance):
-    class Unread(Screen):
-        def write(self, text):
-            raise BrokenPipeError
-
-    monkeypatch.setattr(sys, "stderr", Unread(False))
-    with status_line("bag") as show:
-        for number in range(1, 26):
-            advance(1.0)
-            show(f"{number} messages")
 
 
 def test_a_table_is_aligned_after_escaping():

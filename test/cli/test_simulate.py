@@ -96,31 +96,6 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
     assert lines["reacting_force_mean"][2] == "+-"
 
 
-def test_depth_and_penetration_rate_are_there_where_there_is_a_rock(figures, simulate):
-    assert "depth" not in figures("--duration", 0.1)
-    rock = ["--set", "rock_model=specific_energy", "--duration", 2]
-    found = figures(*rock)
-    assert found["depth"] > 0.0
-    assert found["penetration_rate"] == found["depth"] / 2.0
-    assert found["rock"]["rock_model"] == "specific_energy"
-    many = figures(*rock, "--repeat", 3)
-    assert 0.0 < many["standard_error"]["depth"] < many["depth"]
-    _, output, _ = simulate(*rock)
-    lines = {line.split()[0]: line.split() for line in output.splitlines()}
-    assert lines["depth"][-1] == "m"
-    assert lines["penetration_rate"][-1] == "m/s"
-
-
-def test_a_hole_as_deep_as_the_tool_is_long_is_told(simulate):
-    short = ("--set", "section_1_length=1e-5", "--set", "section_2_length=5e-6")
-    code, output, errors = simulate(*short, "--set", "strata=chalk", "--duration", 0.5)
-    assert code == 0
-    assert "depth                    1.5e-05 m" in output
-    assert errors == (
-        "rpud simulate: the hole is as deep as the drill tool is long: it gets no deeper\n"
-    )
-
-
 def test_a_scenario_draws_with_the_seed_that_is_given(figures, tmp_path):
     file = tmp_path / "faults.yaml"
     file.write_text("faults: [{kind: free_mass_jammed, onset: {uniform: [0.2, 1.8]}}]")
@@ -152,20 +127,6 @@ def test_a_scenario_that_cannot_be_used_is_refused_before_anything(
     assert errors.startswith(f"rpud simulate: {file}{complaint}")
     assert errors.count("\n") == 1
     assert not (tmp_path / "bag").exists()
-
-
-def test_a_command_file_feeds_the_drill(figures, tmp_path):
-    file = tmp_path / "commands.yaml"
-    file.write_text("commands:\n- {time: 0.1, feed: {rate: 2.0e-3}}\n")
-    words = ("--duration", 0.3, "--set", "feed_model=arm", "--set", "arm_stiffness=0")
-    still = ("--set", "initial_feed=0.002", "--set", "drive_enabled=false")
-    fed = figures(*words, *still, "--commands", file)
-    account = fed["feed_account"]
-    # 2 mm and 0.4 mm more on the load spring of 2000 N/m.
-    assert account["feed_work"] == pytest.approx(0.5 * 2000.0 * (0.0024**2 - 0.002**2), rel=0.01)
-    assert abs(account["residual"]) < 1e-9
-    assert fed["mount"]["feed_model"] == "arm"
-    assert "feed_account" not in figures("--duration", 0.1)
 
 
 @pytest.mark.parametrize("several", [(), ("--repeat", "2")])

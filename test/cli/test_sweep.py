@@ -1,8 +1,6 @@
 """`rpud sweep`: the same bytes whatever happens to its workers."""
 
 import json
-import os
-import signal
 from pathlib import Path
 
 import pytest
@@ -98,18 +96,6 @@ def test_a_finished_sweep_is_not_run_again(spec, made):
     assert again.returncode == 0
     assert "0 run, 64 kept" in again.stdout
     assert {name: (folder / name).stat().st_mtime_ns for name in FILES} == before
-
-
-@pytest.mark.extended
-def test_ctrl_c_ends_a_sweep_and_its_workers_without_a_trace(spec, tmp_path, process):
-    out = tmp_path / "out"
-    sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
-    until(lambda: chunks(out))
-    begun = descendants(sweep.pid)
-    os.killpg(sweep.pid, signal.SIGINT)
-    assert sweep.wait() == 130
-    assert "Traceback" not in sweep.output
-    until(lambda: not any(map(alive, begun)))
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):

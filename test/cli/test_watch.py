@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import socket
 import sys
 import urllib.error
 import urllib.request
@@ -33,24 +32,6 @@ def test_an_address_for_others_has_a_token(process):
     found = running.wait_for_line(r"http://[^/]+:(\d+)(/\S+[?&]token=\S+)")
     base = f"http://127.0.0.1:{found[1]}"
     assert (ask(f"{base}{found[2]}")[0], ask(base)[0]) == (302, 403)
-
-
-def test_a_port_in_use_is_one_line(process):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = str(taken.getsockname()[1])
-        for command, said in (
-            (("rpud", "watch"), "rpud watch: "),
-            (("rpud", "run"), "rpud run: the page cannot be served: "),
-        ):
-            words = ("--port", port) if command[1] == "watch" else ("--watch", port)
-            running = process(*command, *words)
-            assert running.wait() == 1
-            assert running.output == (
-                f"{said}port {port} of 127.0.0.1 is in use: choose another one with --port, "
-                "or 0 for a free one"
-            )
 
 
 def test_a_foreign_address_is_one_line(process):

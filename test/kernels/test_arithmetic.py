@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.extended
+
 # Compiles every kernel for the processor of this machine instead of the baseline; reads no file and
 # writes none. Prints the functions that each one calls, and its fused operations.
 PROGRAM = r"""

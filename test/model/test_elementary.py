@@ -243,6 +243,7 @@ def test_python_gives_the_bits_of_kernels():
     assert printed("-c", PROGRAM, NUMBA_DISABLE_JIT="1") == printed("-c", PROGRAM)
 
 
+@pytest.mark.extended
 def test_coefficients_are_those_that_the_repository_computes():
     lines = printed(TOOLCHAIN / "polynomials.py").splitlines()
     coefficients = [line.strip(" ,") for line in lines if line[0] == " "]

@@ -10,7 +10,7 @@ from rpud_msgs.msg import Status
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.verify import verify
-from rpud_sim.ros.client import DrillClient, RefusedError
+from rpud_sim.ros.client import DrillClient
 from rpud_sim.testing import ExpectationFailedError, SystemUnderTestError
 from rpud_sim.testing.artefacts import write_bag
 from rpud_sim.testing.setup import drill_setup
@@ -157,13 +157,6 @@ def test_a_recording_is_complete_and_can_be_proved(drill, recording):
     assert counts["/rpud/reacting_force"] == 40
     assert counts["/rpud/contact_force"] == drill.status.impacts
     assert verify(bag).proved
-
-
-def test_what_the_drill_refuses_is_an_error_with_its_reason(drill):
-    with pytest.raises(RefusedError, match="outside its range"):
-        drill.press(1e6)
-    assert drill.status.commands_rejected == 1
-    drill.step(0.1)
 
 
 @pytest.mark.parametrize(

@@ -65,15 +65,6 @@ def test_two_publishers_of_one_answer_are_named(drill):
 
 
 @pytest.mark.extended
-def test_answers_of_two_nodes_are_awaited(drill):
-    drill.with_answers(HEARTBEAT, count=2)
-    supervise(drill)
-    supervise(drill, node="second")
-    drill.step(0.2)
-    assert len(drill.messages("command/weight_on_bit")) == drill.status.commands_accepted == 4
-
-
-@pytest.mark.extended
 def test_a_node_in_the_place_of_a_killed_one_is_introduced_anew(drill):
     drill.with_answers(HEARTBEAT)
     for number in (1, 2):
@@ -102,15 +93,6 @@ def test_a_node_that_never_answers_is_waited_for_once(drill):
         with pytest.raises(SystemUnderTestError, match=limit) as error:
             drill.step(0.1)
         assert "/rpud/caller calls /rpud/nowhere, which no node serves" in str(error.value)
-
-
-@pytest.mark.extended
-def test_a_node_that_never_publishes_its_answer_is_waited_for_once(drill):
-    for limit in ("within 3 s", "within 1 s, as in a test before"):
-        drill.begin(0)
-        drill.with_answers("/nowhere")
-        with pytest.raises(SystemUnderTestError, match=f"not publish on all of /nowhere {limit}"):
-            drill.start("python ../helpers/supervisor.py works", timeout=3.0)
 
 
 def test_a_start_that_fails_says_in_one_line_why(drill):

@@ -28,19 +28,6 @@ def test_more_actions_than_can_wait_fail_at_once():
     assert {(each["state"], each["text"]) for each in actions.outcomes} == {("failed", "no drill")}
 
 
-@pytest.mark.parametrize("error", [OverflowError, TypeError, UnicodeError])
-def test_arguments_of_a_wrong_kind_are_refused(error):
-    class Client:
-        def press(self, force):
-            raise error(f"{force} is no number")
-
-    actions = Actions()
-    actions.add("press", {"force": {}})
-    assert actions.execute(Client())
-    [outcome] = actions.outcomes
-    assert (outcome["state"], outcome["text"]) == ("refused", "{} is no number")
-
-
 @pytest.mark.parametrize(
     ("reason", "text"),
     [

@@ -1,18 +1,15 @@
 """A real drill, heard and commanded over DDS, as a browser without a screen sees it."""
 
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from drill_client import start_drill
 from screen_client import ClosedError, ScreenClient, serving
-from support import until
 
-from rpud_sim.ros.client import DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.viewer.frames import ClientState, StoreError
-from rpud_sim.viewer.live import LiveDrill, LiveStore
-from rpud_sim.viewer.live_history import LiveHistory
+from rpud_sim.viewer.live import LiveStore
 
 NAMESPACE = "/live_drill"
 
@@ -111,24 +108,6 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
     ] == commands  # no value has changed
     client.send({"act": "close"})
     assert "'close' is unknown" in client.until(lambda seen: seen.get("refused"))[1]
-
-
-def test_kinds_of_faults_are_asked_for_until_the_drill_answers(drill, monkeypatch):
-    answered, latched, refusals = DrillClient.list_faults, LiveHistory.latched, iter(["busy"])
-
-    def answer(client):
-        for reason in refusals:
-            raise NoAnswerError(reason)
-        return answered(client)
-
-    def without_journal(heard, topic, message):
-        if topic != "journal":  # one that was long begins later
-            latched(heard, topic, message)
-
-    monkeypatch.setattr(DrillClient, "list_faults", answer)
-    monkeypatch.setattr(LiveHistory, "latched", without_journal)
-    with closing(LiveDrill(NAMESPACE)) as found:
-        until(lambda: found.kinds)
 
 
 def test_a_pause_need_not_wait_for_a_long_step(client):

@@ -105,16 +105,6 @@ def test_all_quantities_of_the_whole_run_are_kept(history):
     assert history.since == 0.0
 
 
-def test_a_status_fills_what_no_topic_has(history):
-    assert not history.has("electrical_power")
-    history.latched("status", status(SECOND, electrical_power=20.0, depth=math.nan))
-    assert history.has("electrical_power")
-    assert not history.has("depth")
-    hear(history, "borehole", 2 * SECOND, 0.1, 1e-5, "chalk", math.nan, 0.0, 0.0, 0.0)
-    history.latched("status", status(3 * SECOND, depth=7.0))
-    assert np.nanmax(history.line(history.signal("depth"), 0.0, 4.0, 8)["high"]) == 0.1
-
-
 @pytest.fixture
 def frame(history, monkeypatch):
     """Frames of one browser, each some time after the one before [s]."""
@@ -160,16 +150,6 @@ def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, fram
     impact(history, SECOND + SECOND // 100, 300.0)
     [[time, *_]] = frame(section=True)["section"]["impacts"]
     assert time == pytest.approx(0.01)
-
-
-def test_the_hole_of_a_run_before_goes(history, frame):
-    rock = PARAMETERS | {"rock_model": "specific_energy"}
-    history.latched("journal", entry(1, "begin", 0, parameters=rock))
-    history.latched("status", status(SECOND, depth=0.1))
-    assert frame()["hole"]["depth"] == 0.1
-    history.latched("journal", entry(2, "begin", 0, parameters=PARAMETERS))
-    history.latched("status", status(2 * SECOND, depth=math.nan))
-    assert frame()["hole"] is None
 
 
 def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(history):
@@ -240,14 +220,6 @@ def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):
     ]
 
 
-def test_the_first_seconds_are_shown_at_once(history):
-    """A view that begins before the run needs not wait for the bins of the whole run."""
-    for tenth in range(20):
-        hear(history, "reacting_force", tenth * SECOND // 10, 1.0)
-    layer = history.line(history.signal("reacting_force"), -18.0, 2.0, 400)
-    assert np.isfinite(layer["mean"]).sum() == 20
-
-
 def test_a_drill_that_is_gone_stays_until_another_begins(history):
     impact(history, SECOND, 5.0)
     history.restart()
@@ -279,43 +251,3 @@ def test_a_jump_in_the_journal_is_counted_as_lost(history):
 def test_what_another_program_writes_into_the_journal_changes_nothing(history, content):
     history.latched("journal", JournalEntry(sequence=1, kind="begin", content=content))
     assert history.run == 1
-
-
-RATE, SECONDS = 1000, 100
-
-
-@pytest.fixture(scope="module")
-def long_run():
-    """100 s, of which 1000 impacts a second from 10 s on; peaks from 0 to 999 N."""
-    history = LiveHistory()
-    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
-    add = history.sinks()["contact_force"]
-    for number in range(10 * RATE, SECONDS * RATE):
-        stamp = ORIGIN + number * SECOND // RATE
-        add(stamp, (number, float(number % RATE), 1e-5, 2.0, 0.01, 1.0, 0.5, False))
-    history.settle()
-    return history
-
-
-def layer_of(history, quantity, kind, start, end, parts):
-    view = history.view(start, end, 2 * parts, {quantity: kind})
-    return view["layers"][quantity]
-
-
-def test_near_the_band_has_most_impacts_and_far_all_of_them(long_run):
-    near = layer_of(long_run, "peak_force", "band", 95.0, 100.0, 3)
-    assert near["band"] == "5-95 %"
-    assert near["low"][1] > 20.0
-    far = layer_of(long_run, "peak_force", "band", 0.0, 100.0, 100)
-    assert far["band"] == "least-greatest"
-    assert far["low"][1] == 0.0
-    assert far["high"][1] == 999.0
-    assert far["t"][0] == pytest.approx(10.0, abs=1.0)
-
-
-def test_a_number_that_a_status_says_is_that_of_the_latest_one(history):
-    lacks = {"electrical_power": np.nan}
-    for second, power in ((1, 400.0), (2, 16.0)):
-        history.latched("status", status(second * SECOND, actuator_power=power, **lacks))
-    power = history.numbers(2.3)["power"]
-    assert [power[name] for name in ("mean", "least", "greatest")] == [16.0] * 3

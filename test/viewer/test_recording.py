@@ -78,14 +78,6 @@ def test_parts_of_a_range_are_found_also_where_time_passes_at_another_speed(tmp_
             assert len(values) < len(wanted) + 400
 
 
-def test_the_clock_of_each_drill_is_its_own(tmp_path):
-    path = write_forces(
-        tmp_path / "one", rows_of(200, stamp=500 * SECOND), topic="/b/reacting_force"
-    )
-    with closing(RecordedBag(path)) as recording:
-        assert times_of(recording).tolist() == [number / 100 for number in range(200)]
-
-
 def forces(values):
     return [(number * STEP, number * STEP, value) for number, value in enumerate(values)]
 

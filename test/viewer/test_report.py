@@ -99,14 +99,6 @@ def test_the_overview_has_every_quantity_that_a_plot_may_show(frame):
     assert (np.diff(force["t"]) > 0.0).all()
 
 
-def test_the_powers_of_the_status_make_an_account_that_closes(frame):
-    joules = {row["power"]: float(row["energy [J]"]) for row in table(frame, "powers")}
-    came = joules["actuator power"] + joules["weight power"] + joules["change power"]
-    names = ("absorbed", "collision", "load damper", "stored")
-    went = sum(joules[f"{name} power"] for name in names)
-    assert came == pytest.approx(went, rel=2e-3)
-
-
 def test_the_verdict_of_a_test_is_in_the_report(bag, tmp_path):
     said = RunVerdict("test_mission.py::test_press", "failed", "7", ("[R1] calm: failed",))
     records = {VERDICT_RECORD: said.to_record()}

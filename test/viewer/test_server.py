@@ -4,10 +4,7 @@ import hashlib
 import http.client
 import math
 import re
-import socket
-import struct
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -16,14 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from screen_client import ClosedError, ScreenClient, serving
-from support import until
 
 import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.frames import StoreError, View, encode
 from rpud_sim.viewer.server import PageServer, Place, ServerError
-
-SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 
 
 class Numbers:
@@ -109,22 +103,6 @@ def test_each_answer_forbids_scripts_and_frames_of_others_and_opens_no_drill(
     assert "unsafe" not in policy
 
 
-def test_the_screen_is_small_on_the_way(server):
-    names = [path for path in SHARE.iterdir() if path.suffix in (".js", ".css", ".html")]
-    names += [path for path in (SHARE / "vendor").iterdir() if path.suffix in (".js", ".css")]
-    size = 0
-    for path in names:
-        known = {"Accept-Encoding": "gzip"}
-        response, body = answer(server, f"/share/{path.relative_to(SHARE)}", **known)
-        assert response.status == 200
-        size += len(body)
-        again, _ = answer(server, f"/share/{path.relative_to(SHARE)}", **known, **{
-            "If-None-Match": response.headers["ETag"]
-        })  # fmt: skip
-        assert again.status == 304
-    assert size < 120_000
-
-
 @pytest.mark.parametrize(
     "path",
     [
@@ -185,14 +163,6 @@ def test_a_frame_comes_when_the_one_before_was_acknowledged(server, store):
         assert store.clients == ["/a"]
 
 
-def test_an_action_reaches_the_store_or_is_refused(server, store):
-    with ScreenClient(server.port) as client:
-        client.send({"act": "press", "arguments": {"force": 3}})
-        client.send({"act": "no"})
-        assert client.until(lambda seen: seen.get("refused")) == [1, "no such action"]
-        assert store.asked == [{"name": "press", "arguments": {"force": 3}}]
-
-
 WRONG = (
     "{",
     "[" * 4000,
@@ -234,27 +204,6 @@ def test_a_store_that_fails_ends_the_page_with_a_message(server):
         assert error == "the server has failed: ZeroDivisionError: one and another line"
         with pytest.raises(ClosedError):
             client.frame()
-
-
-@pytest.mark.parametrize("name", ["<script>alert(1)</script>", "/a b", "/\x1b[31m"])
-def test_a_page_of_nothing_says_so(server, name):
-    with ScreenClient(server.port, f"?namespace={quote(name)}") as client:
-        assert "there is no drill in" in client.frame()["error"]
-
-
-def test_browsers_that_have_gone_are_no_pages(server):
-    with ScreenClient(server.port) as client:
-        client.frame()
-        assert server.pages == 1
-    lines = ("GET /frames HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "Upgrade: websocket")
-    key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
-    request = "\r\n".join([*lines, "Connection: Upgrade", key, "Sec-WebSocket-Version: 13", "", ""])
-    for _ in range(200):
-        with socket.create_connection(("127.0.0.1", server.port)) as connection:
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            connection.sendall(request.encode())
-    answer(server)  # after all of them
-    until(lambda: server.pages == 0)
 
 
 times = arrays(np.float64, st.integers(0, 20), elements=st.floats(allow_nan=False))

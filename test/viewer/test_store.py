@@ -10,23 +10,18 @@ from altered_bags import altered
 from frame_reader import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded_bags import DURATION, rewritten
+from recorded_bags import DURATION
 from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.cli.main import main
-from rpud_sim.drilling.rock import Strata, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.recorded import offline_bag
 from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.configuration import Settings, to_configuration
-from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
-from rpud_sim.viewer.recorded import MESSAGES, WAVEFORM, WAVEFORM_RANGE, RecordedStore
+from rpud_sim.viewer.recorded import WAVEFORM, RecordedStore
 
 RATE = 1_000_000
 DRILL = "/rpud"
@@ -121,17 +116,6 @@ def test_the_impact_after_and_before_a_time_are_found(store, impacts):
     assert jump("previous", times[0]) == {"none": "there is no earlier impact"}
 
 
-def test_between_waveform_and_overview_every_message_is_drawn(store, impacts):
-    start, end = 0.5, 0.5 + 2 * WAVEFORM_RANGE
-    view = viewed(store, start, end)
-    assert view["detail"] == MESSAGES
-    times = impacts["header.stamp"] / 1e9
-    inside = (times >= start) & (times <= end)
-    peaks = view["layers"]["peak_force"]
-    assert peaks["t"].tolist() == times[inside].tolist()
-    assert peaks["mean"] == pytest.approx(impacts["peak_force"][inside])
-
-
 def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch):
     monkeypatch.setattr("rpud_sim.viewer.recorded.MESSAGES_RANGE", 1.0)
     monkeypatch.setattr("rpud_sim.viewer.recording.SAMPLED", 5)
@@ -212,18 +196,6 @@ def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
         assert section["time"] == pytest.approx(begin, abs=1e-4)
 
 
-def test_without_a_trajectory_messages_are_drawn(drill_bag, tmp_path):
-    topics = {"/rpud/contact_force", "/rpud/status"}
-    path = rewritten(drill_bag, tmp_path / "bag", topics=topics)
-    with RecordedStore(path) as store:
-        assert store.drills == [DRILL]
-        frame = asked(store, view=View(None, 0.5, 0.51), playhead=0.5)
-        assert frame["view"]["detail"] == MESSAGES
-        assert len(frame["view"]["layers"]["peak_force"]["t"])
-        assert "section" not in frame
-        assert "holds no trajectory" in frame["notice"]
-
-
 def test_commands_and_faults_are_told_in_words(store):
     frame = asked(store)
     assert [(each["time"], each["kind"], each["text"]) for each in frame["log"]] == [
@@ -254,31 +226,6 @@ def test_it_prints_where_the_page_is_and_ends_at_a_signal(process, drill_bag):
     assert server.wait() == 0
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(url)
-
-
-def test_no_bag_is_one_line(capsys, tmp_path):
-    with pytest.raises(SystemExit) as end:
-        main(["watch", str(tmp_path / "none")])
-    assert end.value.code == 1
-    last = capsys.readouterr().err.splitlines()[-1]  # rclpy may complain of another test's node
-    assert last == f"rpud watch: there is no bag at {tmp_path / 'none'}"
-
-
-def test_a_drill_in_strata_shows_its_hole(tmp_path):
-    strata = Strata((preset_layer("regolith"), preset_layer("chalk", 0.002))).to_text()
-    settings = Settings(to_configuration({"rotation_model": "friction_drive", "strata": strata}))
-    offline_bag.write_offline_bag(tmp_path / "bag", Plan(Beginning(settings)), 3.0)
-    with RecordedStore(tmp_path / "bag") as store:
-        store.read_all()
-        frame = asked(store, playhead=2.5)
-    hole = frame["hole"]
-    assert [layer["name"] for layer in hole["layers"]] == ["regolith", "chalk"]
-    assert hole["depth"] == pytest.approx(frame["values"]["borehole"]["depth"], rel=1e-3)
-    assert hole["depth"] > 0.0
-    assert len(hole["log"]["depth"]) == len(hole["log"]["rate"]) > 10
-    assert frame["numbers"]["penetration_rate"]["mean"] > 0.0
-    choices = {choice["id"] for plot in frame["plots"] for choice in plot["choices"]}
-    assert {"depth", "rotation", "torque"} <= choices
 
 
 def test_a_foreign_bag_shows_its_signals(tmp_path):

@@ -3,6 +3,7 @@
 import json
 from xml.etree import ElementTree
 
+import pytest
 from campaign_results import CAMPAIGN
 
 pytest_plugins = ["pytester"]
@@ -18,6 +19,7 @@ def run(pytester, *options):
     return pytester.runpytest_subprocess("--rpud-artefacts=left", *options)
 
 
+@pytest.mark.extended
 def test_runs_are_items_that_leave_artefacts_and_a_page_also_in_parallel(pytester):
     pytester.makefile(".yaml", arm=CAMPAIGN)
     result = run(pytester, "-n2", "--junitxml=junit.xml")
@@ -49,6 +51,7 @@ def test_runs_are_items_that_leave_artefacts_and_a_page_also_in_parallel(pyteste
     again.stdout.no_fnmatch_line("*calm*")
 
 
+@pytest.mark.extended
 def test_a_drill_that_fails_says_nothing_about_the_system_under_test(pytester):
     pytester.makefile(".yaml", arm=CAMPAIGN)
     pytester.makeconftest("""

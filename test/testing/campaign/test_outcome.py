@@ -1,6 +1,5 @@
 """One run: a system under test that dies, hangs or answers late gives a verdict, and no hang."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -85,20 +84,6 @@ def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending,
     assert " within 2 s" in outcome.text
     assert text in outcome.text
     assert outcomes(outcome)["system under test"] == FAILED
-
-
-def test_a_launch_file_is_a_system_under_test(flight, tmp_path):
-    pytest.importorskip("launch_ros")
-    words = [sys.executable, "supervisor.py", "dies", "--ros-args", "-r", "__ns:=/rpud"]
-    (tmp_path / "mission.launch.py").write_text(
-        "from launch import LaunchDescription, actions\n"
-        "def generate_launch_description():\n"
-        f"    node = actions.ExecuteProcess(cmd={words!r}, cwd={str(SUPERVISORS)!r})\n"
-        "    return LaunchDescription([node])\n"
-    )
-    outcome = flight(launch=tmp_path / "mission.launch.py")
-    assert (outcome.ending, outcome.reached) == ("died", 0.4)
-    assert "mission.launch.py ended" in outcome.text
 
 
 def test_a_run_that_takes_too_long_ends_as_late(flight):
