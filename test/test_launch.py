@@ -127,14 +127,6 @@ def test_display_starts_nothing_where_a_package_is_missing(launch):
     assert left_behind(launched) == []
 
 
-@pytest.mark.parametrize("name", ["drill.launch.py", "drill_record.launch.py"])
-def test_a_launch_without_its_parameter_file_fails_before_anything_starts(launch, name):
-    launched = launch(name, "config:=nowhere.yaml")
-    assert launched.wait() == 1
-    assert "config: there is no file nowhere.yaml, neither here nor in" in launched.output
-    assert "process started" not in launched.output
-
-
 def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
     (tmp_path / "bad.yaml").write_text("/**:\n  ros__parameters: {gravity: -1.0}\n")
     bag = tmp_path / "bag"

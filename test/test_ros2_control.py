@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 from ros2_control_hardware import (
-    INTERFACES,
     PARAMETERS,
     ROOT,
     Description,
@@ -17,7 +16,7 @@ from ros2_control_hardware import (
 )
 
 from rpud_sim.drilling.mount import MountParameters
-from rpud_sim.simulation.fields import FEED_JOINT, ROTATION_JOINT
+from rpud_sim.simulation.fields import FEED_JOINT
 from rpud_sim.simulation.topics import TOPICS
 
 pytestmark = pytest.mark.extended
@@ -36,16 +35,6 @@ def test_the_hardware_talks_on_the_topics_of_the_drill():
     assert "joint_states" in TOPICS
     # A rate of penetration is some micrometres a second: the threshold must not hide one.
     assert float(parameters["trigger_joint_command_threshold"]) <= 1e-7
-
-
-@pytest.mark.parametrize("mode", ["velocity", "position"])
-def test_only_the_feed_takes_commands_and_it_is_named_first(mode):
-    joints = Description(arm_with_drill(feed_command=mode)).joints
-    # The hardware sets all that a message has, so each joint has all three.
-    assert list(joints.items()) == [
-        (FEED_JOINT, ((mode,), INTERFACES)),
-        (ROTATION_JOINT, ((), INTERFACES)),
-    ]
 
 
 def types():

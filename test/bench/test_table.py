@@ -1,12 +1,8 @@
 """Figures survive their file, a table shows them beside their goals, and pages show the rest."""
 
-import sys
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from bench import __main__ as program
 from bench.compare import ratio
 from bench.page import PAGE, SHOWN, filled
 from bench.table import Goal, Part, heading, read_parts, row, table, write_parts
@@ -38,21 +34,6 @@ def test_results_survive_their_file(tmp_path):
     write_parts(tmp_path / "kept" / "engine.json", [PART, PART])
 
     assert read_parts(tmp_path / "kept" / "engine.json") == [PART, PART]
-
-
-def test_a_measurement_that_fails_keeps_its_rows(tmp_path, monkeypatch):
-    def broken():
-        yield row("first", [1.0])
-        raise OSError("no such\ndevice")
-
-    monkeypatch.setattr(program, "KEPT", tmp_path)
-    monkeypatch.setitem(sys.modules, "bench.broken", SimpleNamespace(broken=broken))
-
-    program.measure("broken")
-
-    [part] = read_parts(tmp_path / "broken.json")
-    assert part.failure == "OSError: no such device"
-    assert [each.name for each in part.rows] == ["first"]
 
 
 def test_the_figures_of_the_page_are_those_of_the_kept_results():

@@ -138,22 +138,6 @@ def test_bodies_touch_in_the_picture_where_they_touch_in_the_data(opened, name, 
     assert gaps[:, 4].min() > 26 + 118  # the actuator stays below the load unit
 
 
-def test_next_block_is_asked_for_in_time_and_follows(opened):
-    page = opened()
-    run(page, "clock.speed = 20; clock.jump(sections.first)")
-    page.until("wants() > 0")
-    late = "{ ...sections.first, impacts: [[0.01, 1e3, 1e-5]] }"  # its impacts came after it
-    run(page, f"clock.set({late}); clock.set(sections.second)")
-    assert run(page, "return clock.block.impacts.length") == 1
-    page.until("clock.block === sections.second")
-    page.until("clock.resting && wants() > 2")  # it asks again, once a second
-    for block in ("first", "second"):
-        time = run(page, f"return sections.{block}.time")
-        places = [place for _, shown, place in run(page, "return seen") if shown == time]
-        assert places == sorted(places)
-        assert len(places) > 10
-
-
 def test_each_contact_has_its_picture(opened):
     page = opened()
     run(page, "clock.speed = 20; clock.jump(sections.first)")

@@ -76,16 +76,6 @@ def test_its_waveform_is_rebuilt_from_its_trajectory(bag, tmp_path, rpud):
             )
 
 
-@every_bag
-def test_it_is_compared_with_a_run_of_its_kind(bag, tmp_path, rpud):
-    other = DATA / ("0.2.0" if bag.parent.name == "0.1.0" else "0.1.0") / bag.name
-    other = other if other.is_dir() else DATA / "0.1.0" / "run"
-    code, out, err = rpud("compare", bag, other, "--settle", 0, "--json")
-    assert code in (0, 1, 3), err  # as the values are, and whether there are enough of them
-    versions = {each["name"]: each["values"] for each in json.loads(out)["versions"]}
-    assert versions["engine"] == [str(ENGINES[each.parent.name]) for each in (bag, other)]
-
-
 @pytest.mark.parametrize("file", PARAMETER_FILES, ids=lambda file: file.name)
 def test_a_parameter_file_of_an_earlier_release_drills(file, rpud):
     code, printed, error = rpud("simulate", "--config", file, "--duration", "0.05")

@@ -1,8 +1,5 @@
 """`rpud watch` and `rpud run --watch`: ports, addresses, signals."""
 
-import os
-import shutil
-import sys
 import urllib.error
 import urllib.request
 
@@ -38,23 +35,6 @@ def test_a_foreign_address_is_one_line(process):
     running = process("rpud", "watch", "--port", "0", "--address", "192.0.2.1")
     assert running.wait() == 1
     assert running.output == "rpud watch: address '192.0.2.1' is not one of this machine"
-
-
-def test_without_a_browser_the_address_is_printed_all_the_same(process, tmp_path):
-    running = process("rpud", "watch", "--port", "0", "--open", env={**_environment(tmp_path)})
-    running.wait_for_line("http://")
-    running.wait_for_line("rpud watch: no browser here: open the address yourself")
-    running.terminate()
-    assert running.wait() == 0
-
-
-def _environment(folder):
-    """Environment whose PATH has `rpud` and Python, and no browser."""
-    (folder / "rpud").symlink_to(shutil.which("rpud"))
-    (folder / "python3").symlink_to(sys.executable)
-    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
-    kept = {name: value for name, value in os.environ.items() if name not in hidden}
-    return {**kept, "PATH": str(folder)}
 
 
 @pytest.mark.extended

@@ -48,19 +48,6 @@ def test_it_does_not_depend_on_how_the_time_is_divided(turned, impacts, pieces):
     assert whole.volume == pytest.approx(divided.volume, rel=1e-9)
 
 
-@given(TURNED, TURNED, st.floats(0.001, 1.0), st.floats(0.001, 1.0), st.floats(0.0, 1.0))
-def test_rotation_clears_and_depth_chokes(turned, more, depth, deeper, clearing):
-    slow, fast = sorted((turned, more))
-    shallow, deep = sorted((depth, deeper))
-    once = collect(turned=slow).volume
-    assert collect(turned=fast).volume <= once * (1.0 + 1e-12)
-    assert collect(turned=slow, clearing=clearing).volume >= once * (1.0 - 1e-12)
-    # So long a step ends in the steady state.
-    steady = [collect(1e-10, 1e6 * (turned + 0.1), depth=end) for end in (shallow, deep)]
-    assert steady[0].filling(shallow) <= steady[1].filling(deep) * (1.0 + 1e-9)
-    assert steady[0].torque(shallow) <= steady[1].torque(deep) * (1.0 + 1e-9)
-
-
 @pytest.mark.parametrize(
     ("produced", "filling", "clearance"),
     [(0.5 * ROOM / 1.8, 0.5, 1.0), (0.75 * ROOM / 1.8, 0.75, 0.5), (1.0, 1.0, 0.0)],

@@ -110,10 +110,3 @@ def test_bodies_without_contact_keep_their_places_while_the_mount_moves():
     rigid = Rig(initial_feed=-0.01)
     rigid.go(10, 5e-3)
     assert rigid.mount.advance.passed == 0.0
-
-
-def test_a_drill_that_comes_to_the_rock_before_its_mount_is_in_contact():
-    rig = Rig(initial_feed=-1e-3)
-    rig.go(1, reaction=0.0, reach=1.1e-3)
-    assert rig.load == (0.0, True)
-    assert rig.mount.preload == pytest.approx(RATE * -1e-3)

@@ -103,14 +103,6 @@ def test_a_field_that_is_not_there_is_a_wrong_call(rpud):
     assert errors.endswith("there is no 'weight_on_bot'; did you mean weight_on_bit?\n")
 
 
-@pytest.mark.parametrize("words", [["press", "1"], ["echo", "status"]])
-def test_what_is_not_there_is_one_line_within_the_patience(rpud, words):
-    where = ("--namespace", "/shall", "--patience", "1")
-    code, output, errors = rpud(*words, where=where)
-    assert (code, output) == (1, "")
-    assert re.fullmatch(rf"rpud {words[0]}: no .* /shall.* within 1 s; .*/shell.*\n", errors)
-
-
 def test_echo_prints_fields_json_lines_and_latched_messages(rpud, fresh):
     rpud("press", 15)
     rpud("step", 0.1)

@@ -2,7 +2,6 @@
 
 import math
 import re
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,13 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import examples
 from trajectories import (
-    DRILL_TOOL,
-    FREE_MASS,
-    TIP,
     check_trajectory,
     evaluate,
     finished,
-    motion,
     rebuild,
 )
 
@@ -182,24 +177,3 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
     segments, impacts = finished(engine)
     check_trajectory(segments)
     assert len(impacts) > 50
-
-
-def test_the_actuator_strikes_a_jammed_mass_and_the_tool_as_one_body():
-    parameters = DRILLING.replace(actuator_restitution=0.7)
-    drill = derive(parameters, jammed=True)
-    engine = Engine(parameters, 0.2)
-    engine.change(0, 0.1, drill, COMMANDS)
-    engine.advance(1, 0.0)
-    segments, _ = finished(engine)
-    joined = drill.free_mass + drill.tool_mass
-    checked = 0
-    for before, after in pairwise(segments[500:]):
-        if not (after["event"] == 1 and before["contact"] == after["contact"] == 2):
-            continue
-        end = before["duration"]
-        v_1, w_1 = motion(before, TIP, end, 1), motion(after, TIP, 0.0, 1)
-        v_2, w_2 = motion(before, FREE_MASS, end, 1), motion(after, DRILL_TOOL, 0.0, 1)
-        assert w_1 - v_1 == pytest.approx(-joined / drill.rpud_mass * (w_2 - v_2), abs=1e-9)
-        assert w_2 - w_1 == pytest.approx(0.7 * (v_1 - v_2), abs=1e-8)
-        checked += 1
-    assert checked > 100

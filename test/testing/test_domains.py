@@ -2,11 +2,10 @@ import os
 import socket
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.processes import DomainClaim, loopback_environment
+from rpud_sim.testing.processes import DomainClaim
 
 CLAIM = "from rpud_sim.testing.processes import DomainClaim; print(DomainClaim().domain)"
 
@@ -48,17 +47,3 @@ def test_a_domain_in_use_without_a_lock_is_skipped(claims):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
         participant.bind(("127.0.0.1", 7400 + 250 * free.domain + 12))
         assert claims() != free.domain
-
-
-def test_every_process_of_a_test_stays_on_loopback():
-    environ = {
-        "AMENT_PREFIX_PATH": os.environ["AMENT_PREFIX_PATH"],
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-        "ROS_LOCALHOST_ONLY": "0",
-    }
-    environment = loopback_environment(7, environ)
-    assert environment["ROS_DOMAIN_ID"] == "7"
-    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
-    assert "ROS_LOCALHOST_ONLY" not in environment
-    profile = Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"])
-    assert (profile.name, profile.is_file()) == ("fastdds_loopback.xml", True)

@@ -1,7 +1,6 @@
 """What has been history of a drill, from messages as they come, and what is drawn of it."""
 
 import json
-import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -162,27 +161,6 @@ def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(hi
     assert history.block is None
     history.settle()
     assert history.block == (1.0, 1e-3, arrays)
-
-
-def test_a_block_that_a_pause_has_cut_is_joined_to_the_one_before(history):
-    hear(history, "reacting_force", 0, 7.0)
-    hear(history, "waveform", SECOND, 0, 1e-3, tuple(np.full(100, number) for number in range(6)))
-    cut = tuple(np.full(3, number) for number in range(6))
-    hear(history, "waveform", SECOND + SECOND // 10, 100, 1e-3, cut)
-    history.settle()
-    begin, _, arrays = history.block
-    assert begin == pytest.approx(1.08)
-    assert [len(each) for each in arrays] == [23] * 6
-    hear(history, "waveform", 3 * SECOND, 900, 1e-3, cut)  # something is lost between them
-    history.settle()
-    assert history.block[0] == 3.0
-
-
-def test_a_malformed_block_is_ignored(history):
-    hear(history, "waveform", 0, 0, 1e-3, tuple(np.zeros(length) for length in (3, 3, 2, 3, 3, 3)))
-    hear(history, "waveform", 0, 0, math.nan, tuple(np.zeros(3) for _ in range(6)))
-    history.settle()
-    assert history.block is None
 
 
 def test_a_reset_begins_a_new_run_with_nothing(history):

@@ -11,7 +11,6 @@ from frame_reader import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded_bags import DURATION
-from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
@@ -19,7 +18,6 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.rebuild import rebuild
-from rpud_sim.simulation import preset
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import WAVEFORM, RecordedStore
 
@@ -248,17 +246,3 @@ def test_a_foreign_bag_shows_its_signals(tmp_path):
     assert (layer["t"][-1], layer["mean"][-1]) == (pytest.approx(2.99), 299.0)
     assert frame["values"] == {"wrist": {"x": 299.0, "y": 1.0, "z": 2.0}}
     assert frame["numbers"]["impact_rate"] is None
-
-
-def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
-    """Before drilling an impact has a peak force, and no contact force in any sample."""
-    write_offline_bag(tmp_path / "free", preset("free"), 0.5)
-    with RecordedStore(tmp_path / "free") as opened:
-        opened.read_all()
-        drill = opened.histories[DRILL]
-        first = drill.waveforms.next_impact(0.2)["time"]
-        shown = drill.view(first - 1e-5, first + 1e-5, 500, {"peak_force": "band"})
-    assert shown["detail"] == WAVEFORM
-    assert len(shown["layers"]["peak_force"]["t"]) == 1
-    assert "free_mass" in shown["layers"]
-    assert "contact_force" not in shown["layers"]

@@ -10,7 +10,6 @@ from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.ros.drill.managed_node import DrillParameters, declare_settings
-from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
     PARAMETERS,
@@ -64,17 +63,6 @@ def test_every_parameter_is_declared_with_its_value_and_description_and_what_is_
         assert constraints == f"in {allowed.range}"
         [limits] = descriptor.floating_point_range
         assert (limits.from_value, limits.to_value) == (allowed.minimum, allowed.maximum)
-
-
-def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):
-    drill = node(regime="free", gravity=2, vibration_frequency=20000, seed=7)
-    settings = declare_settings(drill)
-    expected = preset("free").replace(gravity=2.0, vibration_frequency=2e4)
-    assert settings.configuration.parameters == expected
-    assert settings.seed == 7
-    assert drill.get_parameter("weight_on_bit").value == 0.0
-    for name in ("gravity", "seed"):
-        assert drill.get_parameter(name).type_ == Parameter.Type.DOUBLE
 
 
 OTHER = {"weight_on_bit": 12.0, "telemetry_rate": 200.0, "scenario": "s.yaml", "autostart": False}

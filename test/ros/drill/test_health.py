@@ -69,15 +69,6 @@ def test_the_diagnostics_name_what_is_worst(part, changes, level, text):
     assert diagnosed(ran(), part, **changes)[:2] == (level, text)
 
 
-@pytest.mark.parametrize(("weight", "stalled"), [(8.0, False), (30.0, True)])
-def test_a_vibration_that_the_load_stalls_is_a_warning(weight, stalled):
-    parameters = {"actuator_model": "resonance", "contact_model": "printed"}
-    run = ran(300, weight_on_bit=weight, vibration_amplitude=35e-6, **parameters)
-    level, text, _ = diagnosed(run, "drill")
-    assert (level == WARN) is stalled
-    assert ("less than 5% of 35 um without load" in text) is stalled
-
-
 class Drill:
     """A run, its reporter, and what that publishes."""
 

@@ -97,26 +97,6 @@ def test_a_mistake_is_one_line_with_its_place_and_a_hint(tmp_path, old, new, lin
     assert "\n" not in text
 
 
-def test_a_launch_file_needs_launch_ros(tmp_path):
-    (tmp_path / "supervisor.launch.py").write_text("")
-    text = CAMPAIGN.replace(
-        "command: python supervisor.py --ros-args -r __ns:=/rpud",
-        "launch: supervisor.launch.py\n  arguments: {target: 30.0}",
-    )
-    try:
-        import launch_ros  # noqa: F401
-    except ModuleNotFoundError:
-        with pytest.raises(
-            ParameterError, match=r":4: launch: .*launch_ros is missing, .* ROS; use"
-        ):
-            read(tmp_path, text)
-    else:
-        assert read(tmp_path, text).system.words[-2:] == (
-            str(tmp_path / "supervisor.launch.py"),
-            "target:=30.0",
-        )
-
-
 def test_a_file_of_expectations_is_read_with_its_own_lines(tmp_path):
     campaign, keyword, entries = CAMPAIGN.partition("expectations:")
     text = f"{campaign}expectations: expect.yaml\n"
