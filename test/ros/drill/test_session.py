@@ -311,6 +311,19 @@ def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(drill):
     assert drill.settings == drill.restored[-1] == expected
 
 
+def test_a_reset_that_cannot_be_leaves_the_step_that_goes_on(make, tmp_path):
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("faults: []\n")
+    drill = make(scenario=str(scenario))
+    step = drill.step(PERIOD)
+    scenario.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
+    with pytest.raises(ParameterError, match=r"scenario\.yaml:1: hard_rock cannot be honoured"):
+        drill.reset(time=True, state=True, seed=5)
+    assert drill.timeline.goal == PERIOD
+    drill.finish_step()
+    assert step.result(0.0).stamp == drill.run.origin + PERIOD
+
+
 def test_a_reset_to_a_seed_gives_the_bytes_of_a_drill_that_was_started_with_it(make):
     def drilled(drill, seed):
         drill.reset(time=True, state=True, seed=seed)
