@@ -145,15 +145,3 @@ def test_a_message_that_grows_when_it_is_decoded_is_refused(tmp_path, name):
     said, memory = exported(path, "csv")
     assert "at most 268435456 are read" in said
     assert memory < GIGABYTE
-
-
-@pytest.mark.extended
-@pytest.mark.parametrize("file_format", ["parquet", "csv"])
-@pytest.mark.parametrize("name", ["tiny members", "numbers", "text"])
-def test_a_message_just_within_the_limit_stays_in_memory(tmp_path, name, file_format):
-    count = {"tiny members": 440_000, "numbers": 26_000_000, "text": 44_000_000}[name]
-    definition, _ = GREEDY[name]
-    path = greedy_bag(tmp_path / "run.mcap", definition, struct.pack("<I", count), count + 9)
-    said, memory = exported(path, file_format)
-    assert "messages=1" in said
-    assert memory < GIGABYTE

@@ -2,21 +2,18 @@
 
 import math
 import re
-import tracemalloc
 
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.writer import CompressionType
 from sample_bags import (
     SECOND,
     START,
     STRING_DEFINITION,
     TALK,
     serialized,
-    serialized_string,
     write_everything,
     write_mcap,
     write_offline_bag,
@@ -216,27 +213,6 @@ def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
     assert sum(piece.message_count for piece in pieces) == 50
     joined = np.concatenate([piece.columns["log_time"] for piece in pieces])
     assert np.array_equal(joined, whole["log_time"])
-
-
-def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 200_000)
-    monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 900_000)
-
-    def peak(count):
-        data = serialized_string("x" * 2000)
-        entries = [(f"/talk{number % 5}", number, data) for number in range(count)]
-        path = tmp_path / f"{count}.mcap"
-        write_mcap(path, entries, compression=CompressionType.NONE, chunk_size=500_000)
-        tracemalloc.start()
-        try:
-            with rpud_sim.bag.open(path) as bag:
-                assert sum(len(batch) for batch in bag.tables()) == count
-            return tracemalloc.get_traced_memory()[1]
-        finally:
-            tracemalloc.stop()
-
-    # A chunk with its copies, and what waits to become batches: as much of 8 MB as of 24 MB.
-    assert max(peak(4_000), peak(12_000)) < 6_000_000
 
 
 def test_a_type_that_changed_within_a_bag_is_not_read_as_the_first(tmp_path):

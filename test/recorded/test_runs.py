@@ -56,19 +56,6 @@ def test_a_message_has_the_origin_under_which_it_was_published(used):
     assert (first.origin, second.origin) == (START + 7, START + SECOND)
 
 
-def test_a_run_is_computed_as_it_was_recorded(used):
-    for run in runs_in(used.path):
-        planes = [batch for batch in run.computed(run.end, {"nodal_plane"}) if len(batch)]
-        count = sum(map(len, planes))
-        published = [
-            t
-            for n, t, topic, _ in used.published
-            if (n, topic) == (run.number, run.topic("nodal_plane"))
-        ]
-        assert count >= len(published) > 5
-        assert {batch.topic for batch in planes} == {"nodal_plane"}
-
-
 def test_entries_that_come_late_or_twice_are_put_in_order(used, tmp_path):
     """As a recorder leaves them that asked the drill for those that it had missed."""
     entries = messages_of(used.path, {JOURNAL})

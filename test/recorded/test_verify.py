@@ -397,8 +397,3 @@ def test_the_engine_and_the_beginning_alone_decide(bag, tmp_path, edit, proved):
 
 def raised(parameters, name):
     parameters[name] *= 1.0 + 2.0**-52
-
-
-def test_a_shifted_origin_is_a_difference(bag, tmp_path):
-    change = edited(lambda fields, content: content.update(origin=1) if "origin" in content else 0)
-    assert verify(altered(bag, tmp_path / "bag", change)).first_difference is not None

@@ -25,7 +25,6 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.scenario_file import scenario_of
 from rpud_sim.simulation.simulation import Simulation
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -38,12 +37,6 @@ def test_the_configuration_files_are_the_presets(regime):
     # Said in the file, not taken from the preset.
     assert values["regime"] == regime
     assert values["weight_on_bit"] == preset(regime).weight_on_bit
-
-
-def test_the_regime_chooses_the_preset():
-    assert to_configuration({}).parameters == preset("drilling") == Parameters()
-    found = to_configuration({"regime": "free", "weight_on_bit": 3}).parameters
-    assert found == preset("free").replace(weight_on_bit=3.0)
 
 
 def test_a_drive_that_would_break_the_stack_is_refused_and_any_nominal_one_is_not():
@@ -75,13 +68,6 @@ NAMES = st.sampled_from(list(PARAMETERS)) | st.text()
 @given(values=st.dictionaries(NAMES, VALUES, max_size=4))
 def test_any_values_are_a_configuration_or_refused_in_one_line(values):
     assert len(refusal(to_configuration, values)) < 2000
-
-
-@pytest.fixture
-def scenario(tmp_path):
-    path = tmp_path / "faults.yaml"
-    path.write_text("seed: 7\nfaults: [{kind: free_mass_jammed, onset: {uniform: [1, 2]}}]")
-    return str(path)
 
 
 def test_settings_are_what_was_given_in_the_type_of_each_parameter():
@@ -131,17 +117,6 @@ def test_a_change_keeps_everything_else():
     assert changed.values() == {**settings.values(), "regime": "drilling", "gravity": 1.62}
     # A drill ignores what belongs to the run.
     assert to_configuration(dict.fromkeys(NODE_NAMES, "anything")) == Configuration()
-
-
-def test_a_scenario_is_drawn_with_the_seed_that_is_given_and_otherwise_with_its_own(scenario):
-    own = to_settings({"scenario": scenario})
-    assert scenario_of(own) == scenario_of(own, 0) == scenario_of(own, 7)
-    seeded = to_settings({"scenario": scenario, "seed": 4})
-    assert scenario_of(seeded) == scenario_of(own, 4) != scenario_of(own)
-    assert scenario_of(seeded, 9) == scenario_of(own, 9) != scenario_of(own)
-    assert scenario_of(Settings()) == ()
-    missing = to_settings({"scenario": "/missing.yaml"})  # it is read later
-    assert refusal(scenario_of, missing) == "/missing.yaml: No such file or directory"
 
 
 def test_a_node_s_own_values_come_before_those_for_all(tmp_path):

@@ -1,6 +1,5 @@
 """The energy account closes, whatever happens; figures are those of the trajectory."""
 
-import copy
 import dataclasses
 import functools
 import json
@@ -26,7 +25,6 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, mean_of
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, RecentEnergy, Statistics, account_of
 
@@ -251,28 +249,6 @@ def test_the_gain_model_has_no_electrical_energy():
     assert mean_of([one, other]) == EnergyAccount(actuator_work=1.5, stored=1.5)
 
 
-def test_powers_are_means_of_the_last_second_and_so_are_those_of_a_copy():
-    simulation = Simulation(preset("drilling"), 0.3)
-    recent = RecentEnergy()
-    blocks = [simulation.advance_to(number * SECOND // 200) for number in range(1, 300)]
-    for block in blocks:
-        recent.add(block)
-    total = account_of(join_blocks(blocks[-200:]))
-    powers = recent.powers()
-    for name in ("load_damper", "absorbed", "stored"):
-        assert powers[f"{name}_power"] == getattr(total, name) / 1.0
-    assert powers["actuator_power"] == total.actuator_work / 1.0
-    # Without a feed its powers are unknown.
-    assert math.isnan(powers["feed_power"])
-    assert math.isnan(powers["mount_power"])
-    copied = copy.deepcopy(recent)
-    recent.add(simulation.advance_to(simulation.time))  # a step of no length
-    assert repr(recent.powers()) == repr(powers)
-    recent.add(simulation.advance_to(2 * SECOND))
-    assert repr(copied.powers()) == repr(powers)
-    assert recent.powers()["actuator_power"] != powers["actuator_power"]
-
-
 def test_with_a_feed_its_work_is_in_the_powers_and_all_sums_close_also_from_spans():
     values = {"feed_model": "arm", "strata": "sandstone", "initial_feed": 6e-3}
     simulation = Simulation(to_settings(values).configuration)
@@ -381,19 +357,6 @@ def test_a_quantile_is_that_of_all_forces_however_they_are_counted(quiet_block, 
 @pytest.fixture(scope="module")
 def quiet_block():
     return Simulation(preset("drilling")).advance_to(SECOND // 1000)
-
-
-def test_the_mean_reacting_force_of_a_part_is_that_of_the_part():
-    simulation = Simulation(preset("drilling"))
-    simulation.advance_to(END)
-    simulation.apply(WeightOnBit(40.0))
-    part = simulation.advance_to(END + SECOND // 100)
-    segments = np.concatenate([part.segments, part.open_segment])
-    count = 20_000_000
-    times = Times.from_grid(count // 2, count // 100 + 1, count)
-    force = sample(segments, times).reacting_force
-    mean = (force.sum() - (force[0] + force[-1]) / 2) / (len(force) - 1)
-    assert figures([part])["reacting_force_mean"] == pytest.approx(mean, rel=1e-5)
 
 
 def test_nothing_to_average_is_none_and_not_zero():

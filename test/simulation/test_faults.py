@@ -14,7 +14,6 @@ from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS, FaultEffects
 from rpud_sim.simulation.faults import (
-    MOST_DAMPING_RATIO,
     Fault,
     FaultError,
     check_supported,
@@ -184,15 +183,6 @@ def test_faults_combine():
     )
     assert found.progress_factor == 0.25
     assert found.parameters.drill_tool_restitution == 0.25
-
-
-def test_a_parameter_that_would_leave_its_range_takes_its_end():
-    binding = Fault("load_spring_binding", "", 1000.0)
-    found = under(binding, load_spring_rate=1e6)
-    assert found.parameters.load_spring_rate == QUANTITIES["load_spring_rate"].maximum
-    assert found.parameters.rpud_damping_ratio == MOST_DAMPING_RATIO
-    # A drill that is damped more than that stays as it is.
-    assert under(binding, rpud_damping_ratio=0.995).parameters.rpud_damping_ratio == 0.995
 
 
 @given(parameters=any_parameters, several=st.lists(faults(), max_size=12))

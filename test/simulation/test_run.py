@@ -73,31 +73,6 @@ def kinds(messages):
     return [fields["kind"] for _, topic, fields in messages if topic == "journal"]
 
 
-@settings(max_examples=10)
-@given(
-    regime=st.sampled_from(["free", "drilling"]),
-    faults=st.sampled_from([(), FAULTS, ALL_FAULTS]),
-    stops=st.lists(st.integers(1, END - 1), max_size=8),
-)
-def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, faults, stops):
-    whole, first = begun({"regime": regime}, faults)
-    expected = [*first, *advanced(whole, END), *rows_of(whole.flush())]
-    pieces, found = begun({"regime": regime}, faults)
-    for stop in [*sorted(stops), END]:
-        found += advanced(pieces, stop)
-    found += rows_of(pieces.flush())
-
-    def by_topic(messages):
-        return {
-            topic: [repr(fields) for _, name, fields in messages if name == topic]
-            for topic in topics(expected)
-            if topic != "faults"
-        }
-
-    assert by_topic(found) == by_topic(expected)
-    assert pieces.time == whole.time == END
-
-
 def test_the_beginning_comes_first_then_the_origin_and_another_origin_changes_stamps():
     run, messages = begun(journal=Journal())
     assert topics(messages) == ["journal", "journal", "faults"]
@@ -264,24 +239,6 @@ def test_a_change_that_cannot_be_carried_out_ends_the_run_or_is_refused(action, 
     assert (found, run.time) == (change, END)
     assert isinstance(error, ParameterError)
     assert run.simulation.faults.records == ()
-
-
-def test_a_fault_ends_by_kind_and_channel_under_any_number():
-    run, _ = begun(journal=Journal())
-    for kind, channel in (("bias", "wrench"), ("noise", "wrench"), ("noise", "nodal_plane")):
-        run.apply(Inject(Fault(kind, channel)))
-    run.apply(Clear(7, "noise", "wrench"))
-    assert [str(each.fault) for each in run.simulation.faults.active] == [
-        "bias on wrench",
-        "noise on nodal_plane",
-    ]
-    entry = entries_in(rows_of(run.changes()))[-1]
-    assert (entry.kind, entry.content) == (
-        "clear",
-        {"number": 2, "kind": "noise", "channel": "wrench"},
-    )
-    run.apply(Clear())
-    assert run.simulation.faults.active == ()
 
 
 ACTIONS = st.one_of(

@@ -139,11 +139,6 @@ def test_a_mistake_in_an_entry_is_one_line_that_finds_it(key, value, complaint):
     assert complaint in found
 
 
-@pytest.mark.parametrize("seed", [-1, 1.5, True, "7", 2**63])
-def test_a_seed_that_is_none_is_refused(seed):
-    assert ": seed = " in refusal(read_scenario, CONFIG / "faults.yaml", seed)
-
-
 _, VALUES = contents(
     ("kind", "channel", "magnitude", "onset", "duration", "uniform"),
     (*KINDS, *CHANNELS, "seed", "faults", 1.0, 2, 10**400),

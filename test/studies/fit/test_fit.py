@@ -224,23 +224,3 @@ def test_no_output_of_a_fit_that_misses_its_targets_has_an_interval(tmp_path):
     assert not (tmp_path / "posterior.csv").exists()
     assert "fitted: no interval" in (tmp_path / "parameters.yaml").read_text()
     assert "% interval" not in text
-
-
-@pytest.mark.extended
-def test_all_rounds_together_keep_the_truth_and_the_best_point():
-    """Rounds that cut off a part of the posterior would hold it too rarely."""
-    drill = ClosedForm()
-    random = np.random.default_rng(6)
-    held = []
-    for seed in range(60):
-        truth = {"weight": random.uniform(2.0, 20.0), "loss": random.random()}
-        base = drill.specification(TWO, **truth)
-        targets = []
-        for target in base.targets:
-            value = target.value * float(np.exp(0.03 * random.standard_normal(2)).prod())
-            targets.append(dataclasses.replace(target, value=value, tolerance=0.03 * value))
-        fit = fit_in(drill, dataclasses.replace(base, targets=tuple(targets), seed=seed))
-        for (name, interval), value in zip(fit.intervals.items(), truth.values(), strict=True):
-            held.append(interval.low <= value <= interval.high)
-            assert interval.low <= fit.best[name] <= interval.high
-    assert 0.87 <= np.mean(held) <= 1.0

@@ -103,15 +103,6 @@ def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
     assert complaint in refusal(parse_specification, content)
 
 
-def test_a_file_that_is_none_is_named(file, tmp_path):
-    empty, missing = file(""), tmp_path / "missing.yaml"
-    assert (
-        refusal(read_specification, empty)
-        == f"{empty}:1: the file is not a mapping of keys and values"
-    )
-    assert refusal(read_specification, missing) == f"{missing}: No such file or directory"
-
-
 KEYS, ANYTHING = contents(
     [
         *("design", "points", "seed", "repeat", "duration", "fixed", "swept", "minimum", "maximum"),
