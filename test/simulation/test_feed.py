@@ -154,18 +154,6 @@ def test_a_command_that_the_drill_cannot_take_is_refused_and_changes_nothing(
     assert simulation.applied == before
 
 
-@pytest.mark.parametrize(
-    ("mode", "value", "reason"),
-    [
-        ("speed", 1.0, "feed mode = 'speed' is not one of rate, position"),
-        ("rate", math.nan, "feed rate = nan"),
-        ("position", 3.0, "feed position = 3 m is outside its range"),
-    ],
-)
-def test_a_feed_is_checked(mode, value, reason):
-    assert refusal(Feed, mode, value).startswith(reason)
-
-
 @pytest.mark.parametrize("command", [Feed("rate", 2e-3), Feed("position", 0.02)])
 def test_lost_commands_stop_the_feed_and_an_inactive_drill_has_none(command):
     simulation = made(**ARM)

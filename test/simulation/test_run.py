@@ -122,12 +122,6 @@ def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(ends
     assert [fields["sequence"] for fields in entries] == list(range(len(entries)))
 
 
-def test_a_stop_inside_a_block_comes_before_the_impacts_of_the_block():
-    run, _ = begun({"regime": "free"}, journal=Journal())
-    advanced(run, 10 * MILLISECOND)
-    assert topics(advanced(run, 14 * MILLISECOND))[:2] == ["journal", "contact_force"]
-
-
 def test_faults_are_published_once_for_each_change():
     run, messages = begun(faults=FAULTS)
     messages += advanced(run, END)

@@ -197,16 +197,6 @@ def test_rotation_deepens_the_hole_and_leaves_every_bit_of_the_percussion():
     assert alone.process.rotation is alone.process.borehole is None
 
 
-def test_a_smaller_amplitude_slows_the_rotation():
-    resonant = {"rotation_model": "friction_drive", "actuator_model": "resonance", "regime": "free"}
-    simulation = simulate(**resonant)
-    simulation.apply(Drive(True, 100.0, 16100.0))
-    simulation.advance_to(SECOND // 2)
-    ratio = simulation.actuator.amplitude / 35e-6
-    assert ratio < 0.6
-    assert simulation.process.rotation.rate == pytest.approx(15.0 * ratio, abs=0.5)
-
-
 rates = st.integers(1, 1_000_000)
 
 

@@ -78,23 +78,6 @@ def test_sensors_are_sampled_at_the_boundaries_alone(rate):
     assert times == sorted(times)
 
 
-def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
-    run = started({"actuator_model": "resonance"})
-    states = published(run, *range(7_654_321, END, 7_654_321), END)["actuator_state"]
-    assert [time for time, _ in states] == periods(100)
-    work = sum(values["mechanical_power"] * 0.01 for _, values in states)
-    last = states[-1][1]
-    assert work == pytest.approx(last["mechanical_work"], rel=1e-12)
-    assert last["mechanical_work"] < last["electrical_energy"]
-    assert last["impedance"] == pytest.approx(last["voltage"] / last["current"])
-    power = 0.5 * last["voltage"] * last["current"] * np.cos(last["phase"])
-    assert last["electrical_power"] == pytest.approx(power)
-    unknown = published(started(), END)["actuator_state"][-1][1]
-    assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 20e-6)
-    assert all(np.isnan(unknown[f"{name}_power"]) for name in ("electrical", "mechanical"))
-    assert np.isnan(unknown["current"])
-
-
 def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     end = END - 3_210_987
     found = published(started({"sample_rate": 48_000, "block_duration": 0.03}), end)
