@@ -183,13 +183,6 @@ def test_several_topics_come_from_one_pass(drilled, monkeypatch):
         assert next(pair) == next(pair)
 
 
-def test_a_part_of_the_time(tmp_path):
-    with rpud_sim.bag.open(write_everything(tmp_path / "bag", 10)) as bag:
-        assert bag.arrays("/all", SECOND, 2 * SECOND)["small"].tolist() == [-2, -1]
-        assert bag.arrays("/all", start=8 * SECOND)["small"].tolist() == [5, 6]
-        assert bag.arrays("/all", duration=0)["small"].tolist() == []
-
-
 def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
     monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 50_000)
     monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 80_000)

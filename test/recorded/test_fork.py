@@ -141,12 +141,6 @@ def test_what_the_bag_does_not_hold_is_refused(used, tmp_path, lost, words, opti
     assert not (tmp_path / "fork").exists()
 
 
-def test_a_journal_without_its_beginning_is_refused(plain, tmp_path):
-    late = altered(plain, tmp_path / "late", without_entry(0))
-    with pytest.raises(RecordingError, match=r"cannot be decided: .* have no beginning"):
-        write_fork(late, tmp_path / "fork", 0.01)
-
-
 def test_a_torn_journal_is_forked_as_far_as_it_goes(used, tmp_path):
     torn = altered(used.path, tmp_path / "torn", without_entry(6))
     known = json.loads(entries_of(used.path)[5].content)["time"] / SECOND

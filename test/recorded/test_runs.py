@@ -10,7 +10,7 @@ from forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.columns import to_plain
-from rpud_sim.recorded import RecordingError, journal
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.fork import write_fork
 from rpud_sim.recorded.journal import UnverifiableError, installed_codec
 from rpud_sim.recorded.runs import find_drill, runs_of
@@ -240,20 +240,6 @@ def test_a_time_of_a_run_before_is_not_run_again(used, tmp_path):
     path = forged(used.path, tmp_path / "bag", "flush", stamped=True)
     with pytest.raises(UnverifiableError, match="no other message shows that time"):
         verify(path)
-
-
-def test_a_bag_is_searched_once_for_stamps_however_many_entries_need_them(used, tmp_path):
-    bare = altered(used.path, tmp_path / "bare", unchanged, {JOURNAL})
-    searched = []
-
-    def search(*words):
-        searched.append(words)
-        return iter(())
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(journal, "recorded_progress", search)
-        write_fork(bare, tmp_path / "fork", 0.05)
-    assert len(entries_of(bare)) > len(searched) == 3  # of the bag, and its end twice
 
 
 def test_log_times_bound_a_journal_without_other_messages(used, tmp_path):

@@ -198,6 +198,7 @@ def test_with_a_feed_its_work_is_in_the_powers_and_all_sums_close_also_from_span
     blocks = [simulation.advance_to(number * SECOND // 100) for number in range(1, 151)]
     recent, spans = RecentEnergy(has_feed=True), RecentEnergy(has_feed=True)
     assert set(recent.powers().values()) == {0.0}
+    assert math.isnan(RecentEnergy().powers()["feed_power"])  # without a feed it is unknown
     for block in blocks:
         recent.add(block)
     powers = recent.powers()

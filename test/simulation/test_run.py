@@ -157,19 +157,6 @@ def test_the_status_gives_every_field_of_its_message():
     assert fields["journal_entries"] == 2
 
 
-def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
-    run, messages = begun(active=False, journal=Journal())
-    assert kinds(messages) == ["begin", "weight_on_bit", "drive", "origin"]
-    applied = run.simulation.applied
-    assert applied.weight_on_bit.force == 0.0
-    assert not applied.drive.enabled
-    run.control.apply(WeightOnBit(30.0))
-    assert run.simulation.applied == applied
-    run.control.activate(True)
-    assert run.simulation.applied.weight_on_bit.force == 8.0
-    assert run.simulation.applied.drive.enabled
-
-
 def test_other_settings_reach_the_watchdog_and_the_drill():
     run, _ = begun({"command_timeout": 0.0})
     run.apply(Configure({"command_timeout": 0.01, "gravity": 1.62}))

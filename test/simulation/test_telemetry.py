@@ -238,13 +238,6 @@ def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
     assert all(len({batch.topic for batch in span}) == len(span) for span in found)
 
 
-def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
-    values = {"telemetry_rate": 100, "block_duration": 0.1}
-    _, [span] = together(values, 123_456_789, SECOND)
-    [planes] = [batch for batch in span if batch.topic == "nodal_plane"]
-    assert (len(planes), int(planes.times[-1])) == (80, SECOND)
-
-
 def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():
     seconds, fractions = np.zeros(4, np.int64), np.linspace(0.01, 0.04, 4)
     failures = []

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 
 import pytest
 from altered_bags import altered, merged, unchanged
@@ -17,8 +16,6 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError, streams
 from rpud_sim.recorded.compare import compare
 from rpud_sim.recorded.compare.estimates import DIFFERS
-from rpud_sim.recorded.compare.page import render
-from rpud_sim.recorded.compare.results import texts
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
@@ -220,12 +217,6 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     assert {each.topic for each in found.bits if each.note == ""} == {"drill_tool"}
 
 
-def test_too_short_a_time_decides_nothing(made):
-    found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
-    positions = [each for each in found.differences if each.quantity == "nodal_plane_position"]
-    assert {each.decision for each in positions} == {"too few values"}
-
-
 def test_more_than_two_runs_are_refused(made):
     with pytest.raises(ParameterError, match="3 bags: two are compared; compare pairs one by one"):
         compare([made / "a"] * 3)
@@ -238,16 +229,3 @@ def test_wrong_arguments_are_one_line(made, option):
 
 
 # --- views of the result -----------------------------------------------------------------------
-
-
-def test_the_first_that_is_seen_is_one_sentence_and_tables_are_behind_a_click(found):
-    page = render(found)
-    plain = " ".join(re.sub(r"<[^>]*>", " ", page).split())
-    assert page.index(found.sentence) < page.index("<svg") < page.index("<details")
-    assert page.index("<details") < page.index("<table")
-    count = sum(each.decision == DIFFERS for each in found.differences)
-    start = f"{count} of {len(found.differences)} figures differ, most of all "
-    assert found.sentence.startswith(start)
-    assert found.sentence.count(". ") == 0
-    assert "weight_on_bit 8 and 20 N" in plain
-    assert f"impacts mean {' '.join(texts(found.differences[0])[:2])}" in plain

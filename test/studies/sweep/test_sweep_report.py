@@ -59,19 +59,6 @@ def test_a_marker_is_the_mean_over_all_points_with_one_value():
     assert "weight_on_bit [N]" in drawn.content
 
 
-def test_three_figures_are_open_and_the_others_a_click_away():
-    page = sweep_page(GRID, table_of(GRID), 3)
-    details = page.split("<details")[1:]
-    assert [part.count('<svg role="img"') for part in details] == [2] * len(FIGURES) + [0]
-    opened = [part.partition("</summary>")[0] for part in details if part.startswith(" open")]
-    names = ("drill_tool_impact_rate", "contact_force_mean", "energy_absorbed_rate")
-    assert opened == [f" open><summary>{name}" for name in names]
-    assert "3 simulations have no figures" in page
-    assert "5 to 40, 3 values, logarithmic" in page
-    assert "have no figures" not in sweep_page(GRID, table_of(GRID), 0)
-    assert "<script" not in page
-
-
 def test_many_points_leave_a_page_small():
     force = {"minimum": 5, "maximum": 40, "points": 100}
     swept = {"weight_on_bit": force, "gravity": [0.1 * i for i in range(100)]}
