@@ -146,14 +146,6 @@ def mixed(first, other, ragged):
     return found
 
 
-def test_sequences_of_different_lengths_may_all_be_empty():
-    encoder = installed_codec(JOINTS).encoder
-    lists = {"name": [], "velocity": array("d"), "effort": array("d")}
-    columns = {"header": HEADER, **lists, "position": Sequences(np.empty(0), np.zeros(3, np.int64))}
-    encoded, _ = encoder.encode_columns(columns, 2)
-    assert encoded.tobytes() == 2 * encoder.encode({**columns, "position": array("d")})
-
-
 LATE = {**HEADER, "stamp": {"sec": 2**31, "nanosec": 0}}
 LISTS = {"header": HEADER, "name": [], "velocity": array("d"), "effort": array("d")}
 

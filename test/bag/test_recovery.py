@@ -103,37 +103,6 @@ def test_a_changed_bit_costs_one_chunk_at_most(whole, tmp_path_factory, data, co
         assert recovery.topics[TALK.name].lost == COUNT - len(found)
 
 
-@pytest.mark.parametrize(
-    ("compression", "place", "cut_off", "damage"),
-    [
-        ("zstd", 0, 0, "holds no whole record"),
-        ("none", 200, 100, "the checksum of a chunk is wrong"),  # its index shows its content
-        *(("zstd", place, 0, "holds no whole record") for place in (1, 2, 5, 8)),
-    ],
-)
-def test_a_damaged_chunk_is_passed(whole, tmp_path, compression, place, cut_off, damage):
-    content = bytearray(whole(compression))
-    content[chunk_offsets(content)[1] + place] ^= 0x41
-    recovery, found = recovered(tmp_path, content[: len(content) - cut_off])
-    assert recovery.topics[TALK.name].lost == COUNT - len(found)
-    assert damage in recovery.damages[0]
-    assert (found[0], found[-1]) == (TEXTS[0], TEXTS[-1])
-    assert recovery.size_lost > 0
-    assert len(found) < COUNT
-
-
-@compressions
-def test_of_a_chunk_that_is_cut_off_nothing_is_taken(whole, tmp_path, compression):
-    content = whole(compression)
-    last = chunks(content)[-1]
-    cut = last.chunk_start_offset + last.chunk_length - 1
-    recovery, found = recovered(tmp_path, content[:cut])
-    assert found == TEXTS[: (last.message_start_time - START) // 1_000_000]
-    assert recovery.size_lost == last.chunk_length - 1
-    [damage] = recovery.damages
-    assert damage.endswith("is a chunk that is cut off")
-
-
 def test_channels_survive_the_loss_of_the_chunk_that_declares_them(whole, tmp_path):
     content = bytearray(whole("zstd"))
     first = chunk_offsets(content)[0]

@@ -91,10 +91,8 @@ def odd_bag(path, *, schema=STRING_DEFINITION, offers="", records=()):
 @pytest.mark.parametrize(
     ("odd", "reason"),
     [
-        ({"records": [(LOSSES_RECORD, {"count": "many"})]}, "the record rpud_losses is unreadable"),
         ({"records": [(LOSSES_RECORD, {"/a": '{"transport": -1, "queue": 0}'})]}, "no number of"),
         ({"offers": "[1]"}, "the offers on /talk are left out: a profile of offered_qos"),
-        ({"offers": "- !!timestamp 1"}, "the offers on /talk are left out"),
         ({"schema": b"string data\xff\n"}, "the definition of std_msgs/msg/String is left out"),
         (
             {"records": [("rosbag2", {"serialized_metadata": "{}"}), (LOSSES_RECORD, {"a": "[]"})]},

@@ -5,18 +5,16 @@ import pytest
 from forked_runs import ARM, MILLISECOND, held
 
 import rpud_sim.bag
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.fork import write_fork
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.recorded.verify import verify
 from rpud_sim.simulation import Feed
-from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, parameter_changes
-from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.changes import Change, Inject
+from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 MODELS = {"rotation", "mount", "borehole"}
 VALUES = {"feed_model": "arm", "initial_feed": 5e-4, "rock_model": "specific_energy"}
@@ -70,17 +68,6 @@ def test_the_walk_of_the_bit_is_recorded_and_proved(tmp_path):
     assert verify(tmp_path / "bag").proved
 
 
-def test_a_tool_that_rotates_in_one_rock_has_a_borehole_too(tmp_path):
-    values = {"rotation_model": "friction_drive", "rock_model": "specific_energy"}
-    write_offline_bag(tmp_path / "bag", Plan(Beginning(to_settings(values))), 0.5)
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        assert (bag.arrays("/rpud/borehole")["depth"][-1]) > 0.0
-    assert verify(tmp_path / "bag").proved
-    assert {"rotation", "borehole"} <= set(offered_topics(to_settings(values).values()))
-    models_off = offered_topics(Settings().values())
-    assert set(TOPICS) - set(models_off) == MODELS
-
-
 def test_the_figures_are_those_of_the_run_in_the_bag():
     run = Run(PLAN)
     list(run.advance_to(400 * MILLISECOND))
@@ -98,16 +85,3 @@ def test_a_fork_goes_on_with_the_same_bits(fed, tmp_path, at):
     assert rest[0] == rest[1]
     assert verify(fed).proved
     assert verify(tmp_path / "fork").proved
-
-
-def test_a_fork_with_feeds_of_its_own_is_proved(fed, tmp_path):
-    feeds = Change(0, Feed("rate", -5e-3)), Change(90 * MILLISECOND, Feed("rate", 5e-3))
-    changes = PlannedChanges(feeds, replaces_commands=True)
-    fork = write_fork(fed, tmp_path / "fork", 0.1, 0.3, changes)
-    assert fork.warnings == ()
-    assert verify(tmp_path / "fork").proved
-
-
-def test_a_fork_of_a_feed_takes_no_weight_on_bit(fed, tmp_path):
-    with pytest.raises(ParameterError, match="weight_on_bit cannot be commanded with feed_model"):
-        write_fork(fed, tmp_path / "fork", 0.1, 0.1, parameter_changes({"weight_on_bit": 5.0}))

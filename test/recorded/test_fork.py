@@ -141,12 +141,6 @@ def test_what_the_bag_does_not_hold_is_refused(used, tmp_path, lost, words, opti
     assert not (tmp_path / "fork").exists()
 
 
-def test_a_journal_without_its_beginning_is_refused(plain, tmp_path):
-    late = altered(plain, tmp_path / "late", without_entry(0))
-    with pytest.raises(RecordingError, match=r"cannot be decided: .* have no beginning"):
-        write_fork(late, tmp_path / "fork", 0.01)
-
-
 def test_a_torn_journal_is_forked_as_far_as_it_goes(used, tmp_path):
     torn = altered(used.path, tmp_path / "torn", without_entry(6))
     known = json.loads(entries_of(used.path)[5].content)["time"] / SECOND
@@ -169,14 +163,6 @@ def test_a_change_acts_exactly_at_the_instant(plain, tmp_path):
     assert json.loads(made[2].content)["force"] == 40.0
     times = [t for t, topic, _ in held(tmp_path / "fork") if topic != JOURNAL]
     assert (min(times), max(times)) == (123_456_700, 323_456_700)
-
-
-def test_a_change_changes_what_follows(plain, tmp_path):
-    write_fork(plain, tmp_path / "fork", 0.1, 0.2, parameter_changes({"weight_on_bit": 30.0}))
-    own = held(tmp_path / "fork", {"/rpud/nodal_plane"})
-    source = [each for each in held(plain, {"/rpud/nodal_plane"}) if each[0] > 100 * MILLISECOND]
-    assert [t for t, _, _ in own] == [t for t, _, _ in source]
-    assert all(one[2] != other[2] for one, other in zip(own, source, strict=True))
 
 
 def commanded(entries, after):
@@ -243,18 +229,6 @@ def test_a_recorded_clear_finds_its_fault_under_another_number(used, tmp_path):
     own = ended[number + 1]
     assert (own.kind, own.channel) == (content["kind"], content["channel"])
     assert verify(tmp_path / "fork").proved
-
-
-def test_a_fork_of_a_later_run_is_a_bag_of_one_run(used, tmp_path):
-    write_fork(used.path, tmp_path / "fork", 0.02, run=2)
-    kinds = [entry.kind for entry in entries_of(tmp_path / "fork")]
-    assert (kinds[0], kinds.count("begin"), kinds[-1]) == ("begin", 1, "end")
-    assert entries_of(tmp_path / "fork")[0].sequence > 0
-    found = verify(tmp_path / "fork")
-    assert found.proved
-    assert found.simulated == pytest.approx(71 * MILLISECOND, abs=8 * MILLISECOND)
-    with pytest.raises(RecordingError, match=r"--run = 2 is outside its range \[1, 1\]"):
-        write_fork(tmp_path / "fork", tmp_path / "again", 0.03, run=2)
 
 
 def test_a_change_at_the_instant_that_is_refused_leaves_no_bag(plain, tmp_path):

@@ -62,16 +62,6 @@ def test_at_the_published_rate_it_is_the_published_waveform_bit_for_bit(bag, tmp
         assert found[channel].tobytes() == values[: rebuilt.count].tobytes(), channel
 
 
-def test_at_any_rate_it_is_what_the_simulation_samples(bag, regime, tmp_path):
-    rebuilt = rebuild(bag, tmp_path / "out", 1_234_567, start=0.1, duration=0.2)
-    assert (rebuilt.first, rebuilt.count) == (123_457, 246_913)
-    block = Simulation(preset(regime)).advance_to(round(DURATION * 1e9))
-    expected = block.sample(Times.from_grid(rebuilt.first, rebuilt.count, rebuilt.rate))
-    found = load(tmp_path / "out")
-    for channel in CHANNELS:
-        assert found[channel].tobytes() == getattr(expected, channel).tobytes(), channel
-
-
 def test_each_sample_has_its_stamp_and_the_account_stands_beside_them(bag, tmp_path):
     rebuilt = rebuild(bag, tmp_path / "out", 30_000, start=0.1)
     table = tmp_path / "out" / "rpud.trajectory.parquet"

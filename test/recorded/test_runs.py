@@ -10,7 +10,7 @@ from forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.columns import to_plain
-from rpud_sim.recorded import RecordingError, journal
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.fork import write_fork
 from rpud_sim.recorded.journal import UnverifiableError, installed_codec
 from rpud_sim.recorded.runs import find_drill, runs_of
@@ -54,19 +54,6 @@ def test_a_message_has_the_origin_under_which_it_was_published(used):
     found = first.origins(np.array([0, place - 1, place, place + 1]))
     assert found.tolist() == [START, START, START + 7, START + 7]
     assert (first.origin, second.origin) == (START + 7, START + SECOND)
-
-
-def test_a_run_is_computed_as_it_was_recorded(used):
-    for run in runs_in(used.path):
-        planes = [batch for batch in run.computed(run.end, {"nodal_plane"}) if len(batch)]
-        count = sum(map(len, planes))
-        published = [
-            t
-            for n, t, topic, _ in used.published
-            if (n, topic) == (run.number, run.topic("nodal_plane"))
-        ]
-        assert count >= len(published) > 5
-        assert {batch.topic for batch in planes} == {"nodal_plane"}
 
 
 def test_entries_that_come_late_or_twice_are_put_in_order(used, tmp_path):
@@ -253,20 +240,6 @@ def test_a_time_of_a_run_before_is_not_run_again(used, tmp_path):
     path = forged(used.path, tmp_path / "bag", "flush", stamped=True)
     with pytest.raises(UnverifiableError, match="no other message shows that time"):
         verify(path)
-
-
-def test_a_bag_is_searched_once_for_stamps_however_many_entries_need_them(used, tmp_path):
-    bare = altered(used.path, tmp_path / "bare", unchanged, {JOURNAL})
-    searched = []
-
-    def search(*words):
-        searched.append(words)
-        return iter(())
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(journal, "recorded_progress", search)
-        write_fork(bare, tmp_path / "fork", 0.05)
-    assert len(entries_of(bare)) > len(searched) == 3  # of the bag, and its end twice
 
 
 def test_log_times_bound_a_journal_without_other_messages(used, tmp_path):

@@ -62,12 +62,6 @@ def test_the_gain_model_is_proportional_to_the_voltage_at_once(first, second):
             assert math.isnan(value)
 
 
-@pytest.mark.parametrize(("name", "value"), [("heating", True), ("generator", "tracking")])
-def test_the_gain_model_has_no_power_to_heat_and_no_phase_to_track(name, value):
-    reason = f"{name} = {value} needs actuator_model = resonance"
-    assert refusal(lambda: ActuatorParameters(**{name: value})) == reason
-
-
 def test_a_vibration_too_light_for_the_free_mass_is_refused():
     parameters = dataclasses.replace(RESONANCE, motional_resistance=1000.0)
     modal_mass = parameters.modal_mass(AMPLITUDE)

@@ -1,73 +1,31 @@
 """Runs over initial vibration phases: those of a simulation, however many run together."""
 
 import math
-import subprocess
-import sys
-import threading
 
-import numba
 import numpy as np
 import pytest
 from drill_configurations import SANDSTONE
 
-from rpud_sim.model import compile, engine
-from rpud_sim.model.compile import compilation_notice
+from rpud_sim.model import engine
 from rpud_sim.model.engine import EngineError, initial_state
 from rpud_sim.model.tolerances import GREATEST_EFFORT
-from rpud_sim.simulation import ensemble, preset
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import (
     Ensemble,
     Member,
-    compile_kernels,
     run_ensemble,
     run_members,
 )
-from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plan import initial_phases
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
-SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 PARAMETERS = preset("drilling")
 DRILLING = Configuration(PARAMETERS)
 RESONANCE = ActuatorParameters(actuator_model="resonance")
 TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
-JAM = (Change(0, Inject(Fault("free_mass_jammed"))),)
-
-
-def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
-    assert initial_phases(1, None) == (0.0,) != initial_phases(1, 7)
-    assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
-    assert initial_phases(5, 7) != initial_phases(5, 8)
-    assert initial_phases(5, None) == initial_phases(5, 0)
-    assert all(0.0 <= phase < 1.0 for phase in initial_phases(1000, 1))
-
-
-def test_a_long_run_is_made_in_strides_and_reported():
-    reported = []
-    ensemble = run_ensemble(PARAMETERS, 25.0, [0.0], reported.append)
-    assert reported == [2.0] * 12 + [1.0]
-    assert ensemble.members[0].figures["duration"] == 25.0
-    assert ensemble.real_time_factor > 1.0
-
-
-def test_a_rock_has_depth_and_rate_among_the_figures():
-    configuration = Configuration(PARAMETERS, rock=SANDSTONE)
-    [found] = run_ensemble(configuration, 0.5, [0.25]).members
-    simulation = Simulation(configuration, 0.25)
-    simulation.advance_to(500 * MILLISECOND)
-    assert found.figures["depth"] == simulation.depth > 0.0
-    assert found.figures["penetration_rate"] == simulation.depth / 0.5
-    assert "depth" not in run_ensemble(PARAMETERS, 0.1, [0.25]).mean()
-
-
-def test_a_scenario_happens_to_every_member():
-    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], planned=JAM)
-    assert all(member.figures["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
 def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure():
@@ -82,80 +40,6 @@ def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure()
     assert found(None, 2.0, 4.0) == (3.0, pytest.approx(1.0))
     assert found(None) == (None, None)
     assert repr(found(5)) == "(5, None)"  # and no float
-
-
-# What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.
-AFTER_COMPILING = """
-import dataclasses, sys
-from numba.core.dispatcher import Dispatcher
-from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration, Settings
-from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plan import Beginning, Plan
-from rpud_sim.simulation.run import Run
-
-def compiled():
-    return {
-        f"{item.__module__}.{item.__name__}": len(item.overloads)
-        for name, module in list(sys.modules.items()) if name.startswith("rpud_sim.")
-        for item in vars(module).values() if isinstance(item, Dispatcher)
-    }
-
-compile_kernels(Configuration())
-before = compiled()
-assert sum(before.values()) > 0
-run = Run(Plan(Beginning(Settings())))
-simulation = run.simulation
-
-def to(regime):
-    parameters = dataclasses.replace(simulation.parameters, regime=regime)
-    simulation.configure(dataclasses.replace(simulation.configuration, parameters=parameters))
-
-for change in (
-    *[lambda: None] * 6,
-    lambda: (simulation.apply(WeightOnBit(20.0)), simulation.apply(Drive(False, 0.0, 0.0))),
-    lambda: simulation.apply(Drive(True, 50.0, 16100.0)),
-    lambda: simulation.inject(Fault("free_mass_jammed"), 0),
-    simulation.clear,
-    lambda: to("free"),
-    lambda: to("drilling"),
-):
-    change()
-    list(run.advance_to(run.time + 10_000_000))
-list(run.flush())
-print({name for name, count in compiled().items() if count != before.get(name)})
-"""
-
-
-def test_nothing_is_left_to_compile_once_a_drill_runs():
-    command = [sys.executable, "-c", AFTER_COMPILING]
-    assert subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout == b"set()\n"
-
-
-@pytest.mark.parametrize(
-    ("compiles", "limit", "reported"),
-    [(True, 0.01, True), (True, 3600.0, False), (False, 0.0, False)],
-    ids=["long", "short", "cached"],  # however busy the machine is
-)
-def test_a_compilation_that_takes_long_is_reported(monkeypatch, compiles, limit, reported):
-    told, lines = threading.Event(), []
-
-    class Slow(Statistics):
-        def add(self, block):
-            if compiles:
-                assert numba.njit(lambda: 1)() == 1
-            assert told.wait(10.0 if reported else 0.5) == reported
-
-    def tell(line):
-        lines.append(line)
-        told.set()
-
-    compile_kernels(PARAMETERS)
-    monkeypatch.setattr(ensemble, "Statistics", Slow)
-    monkeypatch.setattr(compile, "_LONG", limit)
-    compile_kernels(PARAMETERS, tell)
-    assert lines == [compilation_notice()] * reported
 
 
 def exact(values):

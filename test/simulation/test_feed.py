@@ -64,20 +64,6 @@ def test_a_motion_without_contact_gives_the_bits_before_drilling():
     assert drilled(fed, 100 * MILLISECOND) == drilled(free, 100 * MILLISECOND)
 
 
-def test_the_drill_gets_into_the_rock_and_out_again():
-    simulation = made(**ARM, initial_feed=-1e-3, rock_model="specific_energy")
-    simulation.apply(Feed("rate", 5e-3))
-    reached = [simulation.advance_to(k * 20 * MILLISECOND).process.mount for k in range(1, 51)]
-    assert not reached[0].in_contact
-    assert reached[-1].in_contact
-    deep = simulation.depth
-    simulation.apply(Feed("rate", -5e-3))
-    block = simulation.advance_to(2500 * MILLISECOND)
-    assert not block.process.mount.in_contact
-    assert simulation.weight_on_bit == 0.0
-    assert 0.0 < simulation.depth < 3 * deep
-
-
 ROCK = {"rock_model": "specific_energy"}
 THIN = "{layers: [{depth_from: 0.0, rock: regolith}, {depth_from: 0.00002, rock: chalk}]}"
 TURNING = {"rotation_model": "friction_drive", "strata": THIN}
@@ -166,18 +152,6 @@ def test_a_command_that_the_drill_cannot_take_is_refused_and_changes_nothing(
         assert refusal(take, command).startswith(reason)
     control.act()
     assert simulation.applied == before
-
-
-@pytest.mark.parametrize(
-    ("mode", "value", "reason"),
-    [
-        ("speed", 1.0, "feed mode = 'speed' is not one of rate, position"),
-        ("rate", math.nan, "feed rate = nan"),
-        ("position", 3.0, "feed position = 3 m is outside its range"),
-    ],
-)
-def test_a_feed_is_checked(mode, value, reason):
-    assert refusal(Feed, mode, value).startswith(reason)
 
 
 @pytest.mark.parametrize("command", [Feed("rate", 2e-3), Feed("position", 0.02)])

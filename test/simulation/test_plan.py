@@ -1,37 +1,23 @@
 """Plans: beginnings, changes in order of time, and both out of a journal."""
 
-import dataclasses
-import json
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rpud_sim.foundation.time import NEVER
 from rpud_sim.simulation.changes import (
     Change,
     ChangeError,
-    Clear,
     Configure,
-    Flush,
-    Inject,
     PlannedChanges,
     Schedule,
     SetOrigin,
     Stop,
-    action_of,
     journal_form,
     parameter_changes,
 )
-from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, DriveChange, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
-
-FAULTS = (
-    Change(12_345_678, Inject(Fault("lost_preload", "", 0.5), 30_000_000)),
-    Change(20_000_000, Inject(Fault("noise", "wrench"))),
-)
 
 
 def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
@@ -47,37 +33,6 @@ def test_the_seed_of_the_settings_holds_unless_another_is_given():
     assert Beginning.drawn(settings) == Beginning.drawn(settings, 4)
     assert Beginning.drawn(settings, 9) == Beginning(settings, initial_phases(1, 9)[0], 9)
     assert Beginning.drawn(to_settings({})).initial_phase == 0.0
-
-
-@given(
-    st.integers(1, 2**32 - 1),
-    st.dictionaries(st.sampled_from(["weight_on_bit", "gravity"]), st.floats(0.1, 9.0)),
-)
-def test_a_beginning_is_read_back_from_its_journal(seed, values):
-    beginning = dataclasses.replace(Beginning.drawn(to_settings(values), seed), faults=FAULTS)
-    content = json.loads(json.dumps(beginning.to_journal()))
-    assert Beginning.from_journal(content) == beginning
-
-
-@pytest.mark.parametrize(
-    "action",
-    [
-        WeightOnBit(3.0),
-        Drive(True, 80.0, 16e3),
-        Feed("rate", 1e-3),
-        Inject(Fault("noise", "wrench"), 5),
-        Clear(3, "noise", "wrench"),
-        Clear(),
-        Configure({"gravity": 1.62, "regime": "free"}),
-        SetOrigin(7),
-        Stop(),
-        Flush(),
-        Flush(ends=True),
-    ],
-)
-def test_an_action_is_read_back_from_its_entry(action):
-    kind, content = journal_form(action)
-    assert action_of(kind, json.loads(json.dumps(content))) == action
 
 
 BEGIN = Beginning(to_settings({"regime": "free"})).to_journal()

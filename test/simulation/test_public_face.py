@@ -4,7 +4,6 @@ import inspect
 import pathlib
 import subprocess
 import sys
-import typing
 
 import pytest
 
@@ -29,26 +28,6 @@ def test_the_example_of_its_documentation_works():
     exec("\n".join(line[4:] for line in lines if line.startswith("    ")), found)
     assert found["forces"].shape == (50_000,)
     assert found["forces"].max() > 0.0
-
-
-def classes_of(hint):
-    """Classes of the package in a type, also inside another."""
-    if inspect.isclass(hint) and hint.__module__.startswith("rpud_sim."):
-        yield hint
-    for argument in typing.get_args(hint):
-        yield from classes_of(argument)
-
-
-@pytest.mark.parametrize("owner", [simulation.Simulation, simulation.Run, simulation.Block])
-def test_what_a_public_class_returns_is_public(owner):
-    returned = {
-        found.__name__
-        for name, member in inspect.getmembers(owner)
-        if inspect.isfunction(function := getattr(member, "fget", member)) and name[0] != "_"
-        for found in classes_of(typing.get_type_hints(function)["return"])
-    }
-    assert returned
-    assert returned <= {*simulation.__all__}
 
 
 def test_modules_import_from_each_other_and_not_from_the_public_face():

@@ -73,31 +73,6 @@ def kinds(messages):
     return [fields["kind"] for _, topic, fields in messages if topic == "journal"]
 
 
-@settings(max_examples=10)
-@given(
-    regime=st.sampled_from(["free", "drilling"]),
-    faults=st.sampled_from([(), FAULTS, ALL_FAULTS]),
-    stops=st.lists(st.integers(1, END - 1), max_size=8),
-)
-def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, faults, stops):
-    whole, first = begun({"regime": regime}, faults)
-    expected = [*first, *advanced(whole, END), *rows_of(whole.flush())]
-    pieces, found = begun({"regime": regime}, faults)
-    for stop in [*sorted(stops), END]:
-        found += advanced(pieces, stop)
-    found += rows_of(pieces.flush())
-
-    def by_topic(messages):
-        return {
-            topic: [repr(fields) for _, name, fields in messages if name == topic]
-            for topic in topics(expected)
-            if topic != "faults"
-        }
-
-    assert by_topic(found) == by_topic(expected)
-    assert pieces.time == whole.time == END
-
-
 def test_the_beginning_comes_first_then_the_origin_and_another_origin_changes_stamps():
     run, messages = begun(journal=Journal())
     assert topics(messages) == ["journal", "journal", "faults"]
@@ -147,12 +122,6 @@ def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(ends
     assert [fields["sequence"] for fields in entries] == list(range(len(entries)))
 
 
-def test_a_stop_inside_a_block_comes_before_the_impacts_of_the_block():
-    run, _ = begun({"regime": "free"}, journal=Journal())
-    advanced(run, 10 * MILLISECOND)
-    assert topics(advanced(run, 14 * MILLISECOND))[:2] == ["journal", "contact_force"]
-
-
 def test_faults_are_published_once_for_each_change():
     run, messages = begun(faults=FAULTS)
     messages += advanced(run, END)
@@ -186,19 +155,6 @@ def test_the_status_gives_every_field_of_its_message():
     assert (fields["state"], fields["commands_accepted"], fields["lag"]) == ("running", 3, 0.25)
     assert fields["impacts"] == run.simulation.impact_count > 0
     assert fields["journal_entries"] == 2
-
-
-def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
-    run, messages = begun(active=False, journal=Journal())
-    assert kinds(messages) == ["begin", "weight_on_bit", "drive", "origin"]
-    applied = run.simulation.applied
-    assert applied.weight_on_bit.force == 0.0
-    assert not applied.drive.enabled
-    run.control.apply(WeightOnBit(30.0))
-    assert run.simulation.applied == applied
-    run.control.activate(True)
-    assert run.simulation.applied.weight_on_bit.force == 8.0
-    assert run.simulation.applied.drive.enabled
 
 
 def test_other_settings_reach_the_watchdog_and_the_drill():
@@ -264,24 +220,6 @@ def test_a_change_that_cannot_be_carried_out_ends_the_run_or_is_refused(action, 
     assert (found, run.time) == (change, END)
     assert isinstance(error, ParameterError)
     assert run.simulation.faults.records == ()
-
-
-def test_a_fault_ends_by_kind_and_channel_under_any_number():
-    run, _ = begun(journal=Journal())
-    for kind, channel in (("bias", "wrench"), ("noise", "wrench"), ("noise", "nodal_plane")):
-        run.apply(Inject(Fault(kind, channel)))
-    run.apply(Clear(7, "noise", "wrench"))
-    assert [str(each.fault) for each in run.simulation.faults.active] == [
-        "bias on wrench",
-        "noise on nodal_plane",
-    ]
-    entry = entries_in(rows_of(run.changes()))[-1]
-    assert (entry.kind, entry.content) == (
-        "clear",
-        {"number": 2, "kind": "noise", "channel": "wrench"},
-    )
-    run.apply(Clear())
-    assert run.simulation.faults.active == ()
 
 
 ACTIONS = st.one_of(

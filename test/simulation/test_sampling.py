@@ -1,6 +1,5 @@
 """Samples are the motion itself, at any times and any rate, whatever the blocks."""
 
-import dataclasses
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -62,16 +61,6 @@ def test_samples_are_the_motion_of_their_segments(segments, rate):
     for name in CHANNELS:
         close = next(limit for word, limit in TOLERANCES.items() if name.endswith(word))
         assert_allclose(getattr(samples, name), expected[name], rtol=1e-9, atol=close, err_msg=name)
-
-
-def test_no_times_give_no_samples_and_samples_do_not_change(blocks):
-    samples = blocks[0].sample(Times.from_grid(5, 0, 1000))
-    assert {len(values) for values in dataclasses.asdict(samples).values()} == {0}
-    samples = blocks[0].sample(Times.from_nanoseconds(0))
-    assert {len(values) for values in dataclasses.asdict(samples).values()} == {1}
-    for name in ("contact_force", "in_contact"):
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(samples, name)[:] = 1.0
 
 
 @given(st.integers(0, 2**40), st.integers(1, 1_000_000), st.integers(0, 2**62))

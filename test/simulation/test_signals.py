@@ -171,17 +171,6 @@ def test_a_slow_channel_never_says_more_and_never_less(period, times):
         assert time in told or any(0 < time - other < period for other in told)
 
 
-def test_late_messages_come_although_the_channel_falls_silent():
-    signals = SignalFaults()
-    given = (record("delayed", "contact_force", 1.0),)
-    message = {"header": header_fields("reacting_force", 0), "sequence": 0}
-    assert passed(signals, "contact_force", 0, message, given) == []
-    for time in (999_999_999, 1_000_000_000, 2_000_000_000):
-        due = time == 1_000_000_000
-        expected = [(time, "contact_force", message)] * due
-        assert [*rows_of(signals.release(time, given))] == expected
-
-
 def test_an_intermittent_channel_loses_its_share():
     kept, _ = said(forces(float, 2000), record("intermittent", "reacting_force", 0.3))
     assert len(kept) == pytest.approx(0.7 * 2000, abs=5 * math.sqrt(2000 * 0.3 * 0.7))

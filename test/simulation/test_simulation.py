@@ -1,7 +1,6 @@
 """Commands change what acts and nothing else; where a caller stops changes nothing at all."""
 
 import dataclasses
-from itertools import chain, pairwise
 
 import numpy as np
 import pytest
@@ -198,28 +197,6 @@ def test_rotation_deepens_the_hole_and_leaves_every_bit_of_the_percussion():
     assert alone.process.rotation is alone.process.borehole is None
 
 
-def test_a_smaller_amplitude_slows_the_rotation():
-    resonant = {"rotation_model": "friction_drive", "actuator_model": "resonance", "regime": "free"}
-    simulation = simulate(**resonant)
-    simulation.apply(Drive(True, 100.0, 16100.0))
-    simulation.advance_to(SECOND // 2)
-    ratio = simulation.actuator.amplitude / 35e-6
-    assert ratio < 0.6
-    assert simulation.process.rotation.rate == pytest.approx(15.0 * ratio, abs=0.5)
-
-
-def test_rotation_in_the_rock_of_the_parameters_cuts_it_and_follows_its_change():
-    rock = {"rotation_model": "friction_drive", "rock_model": "specific_energy"}
-    simulation = simulate(**rock)
-    simulation.advance_to(SECOND)
-    assert simulation.process.borehole.layer == "rock"
-    before = simulation.penetration_rate
-    harder = dataclasses.replace(simulation.configuration.rock, rock_specific_energy=3e8)
-    simulation.configure(dataclasses.replace(simulation.configuration, rock=harder))
-    simulation.advance_to(2 * SECOND)
-    assert simulation.penetration_rate < 0.4 * before
-
-
 rates = st.integers(1, 1_000_000)
 
 
@@ -229,18 +206,3 @@ def test_a_boundary_is_the_last_one_at_its_own_time(number, rate):
     assert 0 <= number * SECOND - time * rate < rate  # rounded down to a nanosecond
     assert boundaries_until(time, rate) == number
     assert boundaries_until(boundary(number + 1, rate) - 1, rate) == number
-
-
-@given(rates, st.lists(st.integers(0, 3 * SECOND), min_size=2).map(sorted))
-def test_blocks_that_follow_each_other_have_every_sample_once(rate, times):
-    block = Simulation(Parameters()).advance_to(0)
-
-    def grid(start, end):
-        return dataclasses.replace(block, start=start, ends=np.array([end])).grid(rate)
-
-    whole = grid(times[0], times[-1])
-    assert [*chain.from_iterable(grid(start, end) for start, end in pairwise(times))][:1000] == [
-        *whole[:1000]
-    ]
-    for number in (*whole[:2], *whole[-2:]):
-        assert times[0] * rate <= number * SECOND < times[-1] * rate

@@ -182,15 +182,6 @@ def test_all_faults_clear_at_once_and_the_drill_is_as_it_was():
     assert simulation.actuator.resonance_frequency == 16000.0
 
 
-def test_the_kinds_that_are_honoured_follow_the_configuration():
-    simulation = Simulation(Configuration(preset("free")))
-    assert "drill_tool_binding" in simulation.supported_kinds()
-    simulation.configure(Configuration(preset("free").replace(regime="drilling")))
-    assert "drill_tool_binding" not in simulation.supported_kinds()
-    assert {*Simulation(FULL).supported_kinds()} == {*KINDS} - {*SLOW}
-    assert Simulation(ON_AN_ARM).supported_kinds() == tuple(KINDS)
-
-
 @pytest.mark.parametrize(
     ("fault", "factor"),
     [
@@ -233,12 +224,6 @@ def test_faults_are_numbered_from_one_and_keep_their_times():
     # A block sees the faults that ended in it.
     assert [record.number for record in faults.since(29)] == [1, 2, 3]
     assert faults.inject(40, OFF) == 4
-    assert [(record.number, record.onset, record.clear) for record in faults.records] == [
-        (1, 10, 30),
-        (2, 20, None),
-        (3, 25, None),
-        (4, 40, None),
-    ]
 
 
 @pytest.mark.parametrize("number", [0, 2, None, "1", 10**400])

@@ -78,23 +78,6 @@ def test_sensors_are_sampled_at_the_boundaries_alone(rate):
     assert times == sorted(times)
 
 
-def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
-    run = started({"actuator_model": "resonance"})
-    states = published(run, *range(7_654_321, END, 7_654_321), END)["actuator_state"]
-    assert [time for time, _ in states] == periods(100)
-    work = sum(values["mechanical_power"] * 0.01 for _, values in states)
-    last = states[-1][1]
-    assert work == pytest.approx(last["mechanical_work"], rel=1e-12)
-    assert last["mechanical_work"] < last["electrical_energy"]
-    assert last["impedance"] == pytest.approx(last["voltage"] / last["current"])
-    power = 0.5 * last["voltage"] * last["current"] * np.cos(last["phase"])
-    assert last["electrical_power"] == pytest.approx(power)
-    unknown = published(started(), END)["actuator_state"][-1][1]
-    assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 20e-6)
-    assert all(np.isnan(unknown[f"{name}_power"]) for name in ("electrical", "mechanical"))
-    assert np.isnan(unknown["current"])
-
-
 def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     end = END - 3_210_987
     found = published(started({"sample_rate": 48_000, "block_duration": 0.03}), end)
@@ -253,13 +236,6 @@ def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
         6 * SECOND,
     ]
     assert all(len({batch.topic for batch in span}) == len(span) for span in found)
-
-
-def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
-    values = {"telemetry_rate": 100, "block_duration": 0.1}
-    _, [span] = together(values, 123_456_789, SECOND)
-    [planes] = [batch for batch in span if batch.topic == "nodal_plane"]
-    assert (len(planes), int(planes.times[-1])) == (80, SECOND)
 
 
 def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():

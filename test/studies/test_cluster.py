@@ -120,13 +120,3 @@ def test_a_scheduler_that_stays_away_ends_the_sweep_in_one_line(dask, monkeypatc
     dask.start_scheduler()
     with pytest.raises(WorkerError, match=r"^--scheduler tcp://127.0.0.1:\d+: cannot be reached"):
         list(run_chunks(simulate, chunks(), 1, dask.address))
-
-
-def test_an_error_of_a_chunk_is_no_lost_scheduler(dask):
-    def fail(chunk):  # local, for the workers to get its code
-        raise OSError(f"no place for {chunk.number}")
-
-    dask.start_scheduler()
-    dask.start_worker("first")
-    with pytest.raises(WorkerError, match=r"^chunk \d+: a worker of tcp://\S+ failed: no place"):
-        list(run_chunks(fail, CHUNKS, 1, dask.address))

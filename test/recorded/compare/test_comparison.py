@@ -2,8 +2,6 @@
 
 import json
 import math
-import os
-import re
 
 import pytest
 from altered_bags import altered, merged, unchanged
@@ -17,10 +15,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError, streams
 from rpud_sim.recorded.compare import compare
-from rpud_sim.recorded.compare import page as pages
 from rpud_sim.recorded.compare.estimates import DIFFERS
-from rpud_sim.recorded.compare.page import difference_picture, render
-from rpud_sim.recorded.compare.results import content, texts
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
@@ -85,16 +80,6 @@ def test_the_first_difference_is_found_to_the_field(made, tmp_path):
     assert topic.messages == 99
     assert float(topic.other) == math.nextafter(float(topic.reference), 1e9)
     assert not found.equal_bits
-
-
-def test_a_missing_message_is_a_difference(made, tmp_path):
-    def lost(message):
-        return [] if message.log_time == SECOND and "nodal" in message.topic else [message.data]
-
-    found = compare([made / "a", altered(made / "a", tmp_path / "lost", lost)])
-    [topic] = [each for each in found.bits if each.state == "different"]
-    assert (topic.topic, topic.time) == ("nodal_plane", 1.0)
-    assert (topic.reference, topic.other) == ("a message", "nothing at this time")
 
 
 @pytest.mark.parametrize("most", [64 * 2**20, 10_000])
@@ -232,12 +217,6 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     assert {each.topic for each in found.bits if each.note == ""} == {"drill_tool"}
 
 
-def test_too_short_a_time_decides_nothing(made):
-    found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
-    positions = [each for each in found.differences if each.quantity == "nodal_plane_position"]
-    assert {each.decision for each in positions} == {"too few values"}
-
-
 def test_more_than_two_runs_are_refused(made):
     with pytest.raises(ParameterError, match="3 bags: two are compared; compare pairs one by one"):
         compare([made / "a"] * 3)
@@ -250,52 +229,3 @@ def test_wrong_arguments_are_one_line(made, option):
 
 
 # --- views of the result -----------------------------------------------------------------------
-
-
-def test_the_content_is_json_without_nan(found):
-    plain = json.loads(json.dumps(content(found), allow_nan=False))
-    assert plain["differs"] is True
-    assert plain["runs"][0]["end"] == found.values[0].end
-    first = plain["windows"][0]["quantities"][0]
-    assert (first["quantity"], first["unit"]) == ("impact_rate", "1/s")
-    assert first["runs"][0].keys() == {"count", "max", "mean"}
-    assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
-    assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
-
-
-def test_the_first_that_is_seen_is_one_sentence_and_tables_are_behind_a_click(found):
-    page = render(found)
-    plain = " ".join(re.sub(r"<[^>]*>", " ", page).split())
-    assert page.index(found.sentence) < page.index("<svg") < page.index("<details")
-    assert page.index("<details") < page.index("<table")
-    count = sum(each.decision == DIFFERS for each in found.differences)
-    start = f"{count} of {len(found.differences)} figures differ, most of all "
-    assert found.sentence.startswith(start)
-    assert found.sentence.count(". ") == 0
-    assert "weight_on_bit 8 and 20 N" in plain
-    assert f"impacts mean {' '.join(texts(found.differences[0])[:2])}" in plain
-    assert page.count("<details") == page.count("</details")
-    assert len(page.encode()) < 300_000
-
-
-def test_values_stand_beside_their_rows(found):
-    drawn = difference_picture(found, 0)
-    [peak] = [e for e in found.differences if (e.quantity, e.figure) == ("peak_force", "mean")]
-    assert f">{peak.reference / 1e3:.2f} kN<" in drawn.content
-    assert ">peak force, mean<" in drawn.content
-    known = {each.decision for each in found.differences if math.isfinite(each.relative)}
-    assert all(f">{decision}<" in drawn.content for decision in known)
-
-
-def test_each_segment_has_its_differences(made):
-    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
-    page = render(found)
-    differences = "<title>Differences from A, with 95 % intervals</title>"
-    assert page.count(differences) == len(found.windows) == 2
-
-
-def test_a_page_that_cannot_be_written_whole_is_not_there(tmp_path, monkeypatch):
-    monkeypatch.setattr(pages, "render", lambda found: "half \ud800")
-    with pytest.raises(UnicodeEncodeError):
-        pages.write_page(None, tmp_path / "page.html")
-    assert os.listdir(tmp_path) == []

@@ -73,16 +73,11 @@ targets:
         (target(hold_out=True), "targets holds no target that the fit may use"),
         (changed(points=100), "points = 100 is no power of two"),
         (changed(parameters={"weight_on_bit": 1}), "weight_on_bit is among the param"),
-        (unknown("weight_on_bit", [2, 1]), "unknowns.weight_on_bit[1] = 1 is not above 2"),
-        (unknown("weight_on_bit", 2), "unknowns.weight_on_bit = 2 is not a mapping"),
         (unknown("gravity", {"low": 0, "high": 1, "scale": "log"}), "low = 0 has no logarithm"),
         (
             target(figure="reacting_force"),
             "figure = 'reacting_force' is not a figure; did",
         ),
-        (target(figure="events", value=-1), "targets[0].value = -1 is outside its range [0, "),
-        (target(value=...), "targets[0]: value is missing"),
-        (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),
         (target(value=0), "targets[0].tolerance = '5 %' of 0 is no tolerance above 0"),
         (target(statistic="mean"), "statistic: reacting_force_mean has none"),
         (
@@ -94,13 +89,6 @@ targets:
             "targets[0]: figure torque [N m] needs the parameter rotation_mo",
         ),
         (target(window=0), "targets[0].window = 0 begins at 0 s and ends at 0 s"),
-        (target(window=[1, 2, 3]), "targets[0].window = [1, 2, 3] has 3 entries, not 2"),
-        (
-            target(figure="peak_force", statistic="quantile 2"),
-            "targets[0].statistic = 2 is outside its range [0, 1]",
-        ),
-        (target(parameters={"gravity": -1}), "targets[0].parameters.gravity = -1 m/s^2 is outside"),
-        (changed(data=[{}]), "data[0]: data needs either bag or csv"),
         (changed(data=[{"csv": "missing.csv"}]), "missing.csv: No such file or directory"),
     ],
 )

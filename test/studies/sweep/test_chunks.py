@@ -26,7 +26,7 @@ from rpud_sim.studies.sweep.sweep import (
     run_sweep,
     simulate,
 )
-from rpud_sim.studies.sweep.sweep_report import error_name, sweep_page
+from rpud_sim.studies.sweep.sweep_report import sweep_page
 
 
 def sweep(points=3, repeat=2, duration=0.02, **entries):
@@ -75,19 +75,6 @@ def test_a_point_is_the_ensemble_of_its_seed():
     assert table["failure"].to_pylist() == [None] * 6
 
 
-def test_a_simulation_without_impacts_has_nulls_and_no_failure():
-    specification = sweep(1, 2, 1e-6, fixed={"vibration_amplitude": 0.0, "gravity": 0.0})
-    (chunk,) = chunks_of(specification)
-    table = simulate(chunk).table
-    rows = table.to_pylist()
-    assert [row["contact_force_mean"] for row in rows] == [None, None]
-    assert [row["failure"] for row in rows] == [None, None]
-    assert [type(row["events"]) for row in rows] == [int, int]
-    (point,) = point_table(specification, table).to_pylist()
-    assert point["contact_force_mean"] is None
-    assert point[error_name("contact_force_mean")] is None
-
-
 def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     specification = sweep(points=2, repeat=2)
     (chunk,) = chunks_of(specification)
@@ -116,17 +103,6 @@ def points(design, number, seed=0):
             {"design": design, "points": number, "seed": seed, "duration": 1, "swept": SWEPT}
         )
     )
-
-
-def test_a_grid_has_every_combination_once():
-    swept = {
-        "weight_on_bit": {"minimum": 0, "maximum": 40, "points": 3},
-        "regime": ["free", "drilling"],
-        "gravity": [9.81, 1.62],
-    }
-    found = design_points(parse_specification({"design": "grid", "duration": 1, "swept": swept}))
-    expected = itertools.product([0.0, 20.0, 40.0], ["free", "drilling"], [9.81, 1.62])
-    assert list(zip(*(column.tolist() for column in found.values()), strict=True)) == list(expected)
 
 
 @given(exponent=st.integers(1, 8), seed=st.integers(0, 2**32), latin=st.booleans())

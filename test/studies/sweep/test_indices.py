@@ -26,15 +26,6 @@ def ishigami(shares):
     return np.sin(x[..., 0]) + 7 * np.sin(x[..., 1]) ** 2 + 0.1 * x[..., 2] ** 4 * np.sin(x[..., 0])
 
 
-def test_each_matrix_differs_from_the_first_in_one_column_and_the_last_in_none():
-    a, b, *mixed, again = saltelli_shares(3, 8, 0)
-    assert np.array_equal(a, again)
-    for column, matrix in enumerate(mixed):
-        others = [i for i in range(3) if i != column]
-        assert np.array_equal(matrix[:, column], b[:, column])
-        assert np.array_equal(matrix[:, others], a[:, others])
-
-
 def test_the_indices_of_ishigamis_function_are_the_known_ones():
     found = find_indices(ishigami(saltelli_shares(3, 4096, 1))[..., np.newaxis], 1)
     assert found[0, 0, 0] == pytest.approx((*ISHIGAMI[0], 0.0), abs=0.02)

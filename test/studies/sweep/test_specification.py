@@ -1,6 +1,5 @@
 """Sweeps as YAML files: what is taken, and one line for everything else."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -65,27 +64,16 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
     ("content", "complaint"),
     [
         (changed(sweeps=1), "'sweeps' is not a key here; did you mean swept?"),
-        (changed(design=...), "design is missing"),
         (changed(points=4), "points: a grid has its points at each range of swept"),
         (changed(design="sobol"), "points is missing, the number of points of the sobol design"),
         (changed(design="sobol", points=12), "points = 12 is no power of two"),
-        (changed(duration=math.nan), "duration = nan s is outside its range"),
-        (changed(fixed={"gravity": -1}), "fixed.gravity = -1 m/s^2 is outside its range"),
         (changed(fixed={"weight_on_bit": 1}), "fixed: weight_on_bit is among swept as well"),
         (swept(), "swept names no parameter"),
-        (swept(free_mass=1), "swept.free_mass = 1 is not a mapping"),
-        (swept(free_mass=[]), "swept.free_mass = [] has 0 entries, not 1 to"),
         (swept(free_mass=[1, 1.0]), "swept.free_mass = [1, 1.0] has a value twice"),
-        (swept(free_mass=list(range(1, 10_002))), " has 10001 entries, not 1 to 10000"),
         (swept(regime=LINE), "regime has no range; give a list of its values"),
-        (swept(free_mass=LINE | {"minimum": 2}), "swept.free_mass.maximum = 2.0 is not above 2"),
         (
             swept(gravity=LINE | {"minimum": 0, "scale": "log"}),
             "swept.gravity.minimum = 0 has no logarithm",
-        ),
-        (
-            swept(free_mass=LINE | {"maximum": 20}),
-            "free_mass.maximum = 20 kg is outside its range",
         ),
         (
             changed(figures=["force"]),
@@ -95,21 +83,11 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
             changed(design="saltelli", points=4, swept={"gravity": [1, 2]}, cases={"a": {}}),
             "design: a saltelli design takes neither cases nor faults",
         ),
-        (changed(design="sobol", points=4, swept={}, cases={"a": {}}), "swept names no parameter"),
         (changed(repeat=1_000_000, swept={"free_mass": LINE | {"points": 11}}), "are more than"),
     ],
 )
 def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
     assert complaint in refusal(parse_specification, content)
-
-
-def test_a_file_that_is_none_is_named(file, tmp_path):
-    empty, missing = file(""), tmp_path / "missing.yaml"
-    assert (
-        refusal(read_specification, empty)
-        == f"{empty}:1: the file is not a mapping of keys and values"
-    )
-    assert refusal(read_specification, missing) == f"{missing}: No such file or directory"
 
 
 KEYS, ANYTHING = contents(

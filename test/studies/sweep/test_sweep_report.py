@@ -11,7 +11,6 @@ from rpud_sim.studies.sweep.specification import error_name
 from rpud_sim.studies.sweep.sweep_report import (
     marginal_means,
     point_picture,
-    share_picture,
     sweep_page,
 )
 
@@ -58,48 +57,6 @@ def test_a_marker_is_the_mean_over_all_points_with_one_value():
     assert drawn.title == "contact_force_mean [kN]"
     assert drawn.alt.startswith(f"Mean from {number_text(1e-3 * found[:, 1].min())} kN to ")
     assert "weight_on_bit [N]" in drawn.content
-
-
-def test_choices_stand_below_each_other_by_their_words():
-    drawn = picture_of(table_of(GRID), "contact_model")
-    assert drawn.content.index(">printed<") < drawn.content.index(">rayleigh<")
-    assert "contact_force_mean [kN]" in drawn.content
-
-
-def test_a_figure_that_no_point_has_is_said_to_be_missing():
-    table = table_of(GRID)
-    table["contact_force_mean"][:] = np.nan
-    assert picture_of(table, "weight_on_bit").alt == "No point has this figure."
-    assert "No point has this figure." in sweep_page(GRID, table, 24)
-
-
-def test_three_figures_are_open_and_the_others_a_click_away():
-    page = sweep_page(GRID, table_of(GRID), 3)
-    details = page.split("<details")[1:]
-    assert [part.count('<svg role="img"') for part in details] == [2] * len(FIGURES) + [0]
-    opened = [part.partition("</summary>")[0] for part in details if part.startswith(" open")]
-    names = ("drill_tool_impact_rate", "contact_force_mean", "energy_absorbed_rate")
-    assert opened == [f" open><summary>{name}" for name in names]
-    assert "3 simulations have no figures" in page
-    assert "5 to 40, 3 values, logarithmic" in page
-    assert "have no figures" not in sweep_page(GRID, table_of(GRID), 0)
-    assert "<script" not in page
-
-
-def test_shares_of_the_variance_begin_with_the_greatest():
-    def share(first, total, low, high):
-        ends = {"first_interval": [first, first], "total_interval": [low, high]}
-        return {"first": first, "total": total, **ends}
-
-    item = {
-        "inputs": {"a": share(0.1, 0.2, -0.3, 0.7), "b": share(0.5, 0.6, 0.4, 1.9)},
-        "noise_share": 0.05,
-        "noise_share_interval": [0.0, 0.1],
-    }
-    drawn = share_picture("contact_force_mean", item)
-    places = [drawn.content.index(f">{name}<") for name in ("b", "a", "noise")]
-    assert places == sorted(places)
-    assert "Greatest share: b with 0.60" in drawn.alt
 
 
 def test_many_points_leave_a_page_small():
