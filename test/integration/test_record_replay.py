@@ -172,3 +172,30 @@ def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
     assert lost > 0
     assert losses(tmp_path / "run")[NODAL_PLANE] == lost
     recorder.wait_for_line(rf"lost {lost} messages on /rpud/nodal_plane")
+
+
+def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, program, tmp_path):
+    places = os.environ["PYTHONPATH"].split(os.pathsep)
+    path = os.pathsep.join(place for place in places if "rpud_msgs" not in place)
+    recorder = process(
+        "recorder",
+        "--namespace",
+        "/",
+        "--out",
+        tmp_path / "run",
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    program("talker", "--count", 10)
+    # Each publisher is discovered on its own.
+    for topic, kind in (
+        (STATUS, "Status"),
+        (NODAL_PLANE, "NodalPlane"),
+        (CONTACT_FORCE, "ContactForce"),
+    ):
+        recorder.wait_for_line(f"not recorded: {topic}: type rpud_msgs/msg/{kind} is not installed")
+    recorder.wait_for_line(r"subscribed /rosout \[rcl_interfaces/msg/Log\]")
+    recorder.interrupt()
+    assert finished(recorder)
+    recorder.wait_for_line("^not recorded: /rpud/status: ")
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.records("rpud_skipped")[0].keys() == {CONTACT_FORCE, NODAL_PLANE, STATUS}

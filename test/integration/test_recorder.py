@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from rclpy.serialization import deserialize_message
+from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
 from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
@@ -114,3 +115,20 @@ def test_a_recorder_stops_before_its_bag_is_too_large(process, talker, tmp_path)
     recorded = sequences(tmp_path / "run")
     assert recorded == list(range(len(recorded)))
     assert len(recorded) > 100
+
+
+def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp_path):
+    words = ("--max-bag-duration", "0.2", "--max-bag-size", "200000", "--compression", "none")
+    recorder = process("recorder", "--out", tmp_path / "run", *words)
+    talker("--count", 1000, "--rate", 1000).wait_for_line("published 1000")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    assert re.search(r"MB in \d+ files\)", recorder.output)
+    assert len(list((tmp_path / "run").glob("*.mcap"))) >= 5
+    assert sequences(tmp_path / "run") == list(range(1000))
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        losses = {summary.topic.name: summary.losses for summary in bag.topics}
+        assert losses[CONTACT_FORCE].total == 0
+        assert bag.compression == "none"
+    with AnyReader([tmp_path / "run"]) as reader:
+        assert reader.message_count >= 2001 - losses["/rpud/nodal_plane"].total

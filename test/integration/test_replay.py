@@ -3,14 +3,17 @@
 import itertools
 
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
 from drill_client import Client, nanoseconds
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.srv import Burst, GetRate, IsPaused, Seek, SetRate
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from support import until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
@@ -126,3 +129,36 @@ def test_topics_are_renamed_and_left_out(process, bag, audience):
     assert audience.numbers == []
     # The rules are the command's own, and no old form of ROS arguments.
     assert "deprecated" not in process.output
+
+
+def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
+    talk = Topic("/long", STRING, STRING_HASH, (RecordedProfile(),))
+    count = 12_000
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(talk, STRING_DEFINITION)
+        for number in range(count):
+            writer.write_message(
+                "/long", serialized_string(str(number)), START + number * SECOND, START
+            )
+    # It keeps what comes, until there is no more room, and takes it more slowly than it is sent.
+    node = rclpy.create_node("slow", context=audience.node.context)
+    subscription = node.create_subscription(
+        String, "/long", lambda message: None, QoSProfile(depth=100_000), raw=True
+    )
+    process = process("replayer", tmp_path / "bag", "--rate", "1e6", "--wait-for-subscribers")
+    heard = []
+
+    def take(most):
+        for _ in range(most):
+            if taken := subscription.handle.take_message(String, True):
+                heard.append(taken[0])
+        return len(heard) == count
+
+    until(lambda: take(100) or not process.running)
+    take(count)
+    node.destroy_node()
+    numbers = [int(deserialize_message(data, String).data) for data in heard]
+    missing = sorted(set(range(count)) - set(numbers))
+    assert not missing, process.output
+    assert numbers == list(range(count))
+    assert process.wait() == 0
