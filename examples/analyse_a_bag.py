@@ -6,18 +6,16 @@ script it runs from end to end:
     rpud run --duration 5 --record bags/first
     python examples/analyse_a_bag.py bags/first
 
-It needs no ROS, but pandas: pip install pandas.
+It needs no ROS, but pandas and matplotlib: pip install pandas matplotlib.
 """
 
 # %% Open the bag
 import sys
-from pathlib import Path
 
 import numpy as np
-from rpud_sim.pages.plot import Axis, Line, Plot
+from matplotlib.figure import Figure
 
 import rpud_sim.bag
-from rpud_sim.pages.frame import render_page
 
 bag = rpud_sim.bag.open(sys.argv[1] if len(sys.argv) > 1 else "bags/first")
 for summary in bag.topics:
@@ -41,10 +39,10 @@ frame = bag.frame("/rpud/contact_force").set_index("header.stamp")
 power = frame["energy"].resample("100ms").sum() / 0.1
 print(f"power of the impacts: {power.iloc[1:-1].mean():.1f} W")
 
-# %% A waveform of any length, piece by piece: nothing but the sums stays in memory
+# %% A waveform of any length, table by table: nothing but the sums stays in memory
 count, total, squares = 0, 0.0, 0.0
-for piece in bag.tables("/rpud/waveform"):
-    force = piece.columns["reacting_force"]
+for table in bag.tables("/rpud/waveform"):
+    force = table.columns["reacting_force"]
     count += len(force)
     total += force.sum()
     squares += (force**2).sum()
@@ -52,20 +50,21 @@ mean = total / count
 deviation = np.sqrt(squares / count - mean**2)
 print(f"reacting force: {mean:.1f} N, standard deviation {deviation:.1f} N, {count} samples")
 
-# %% The last 50 ms of it as a page with plots
+# %% The last 50 ms of it as a picture
 waveform = bag.arrays("/rpud/waveform", start=bag.duration - 50_000_000)
 milliseconds = (waveform["time"] - waveform["time"][0]) / 1e6
-time = Axis("time", "ms")
-bodies = "actuator_position", "free_mass_position", "drill_tool_displacement"
-lines = [Line(name, milliseconds, 1e3 * waveform[name], color=n) for n, name in enumerate(bodies)]
-position = Axis(unit="mm", flipped=True)  # the rock is below
-motion = Plot("position", tuple(lines), y=position, x=time, height=260, width=1060)
-load = (Line("", milliseconds, waveform["reacting_force"]),)
-force = Plot("reacting force", load, y=Axis(unit="N"), x=time, height=200, width=1060)
-page = render_page("{{ figure(motion) }}{{ figure(force) }}", "The last 50 ms",
-                   motion=motion, force=force)  # fmt: skip
-Path("analysis.html").write_text(page, encoding="utf-8")
-print("analysis.html written")
+figure = Figure(figsize=(10, 6), layout="constrained")
+motion, force = figure.subplots(2, sharex=True)
+for name in ("actuator_position", "free_mass_position", "drill_tool_displacement"):
+    motion.plot(milliseconds, 1e3 * waveform[name], label=name.replace("_", " "))
+motion.set_ylabel("position [mm]")
+motion.invert_yaxis()  # the rock is below
+motion.legend()
+force.plot(milliseconds, waveform["reacting_force"])
+force.set_ylabel("reacting force [N]")
+force.set_xlabel("time [ms]")
+figure.savefig("analysis.png")
+print("analysis.png written")
 
 # %% Done
 bag.close()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _STATUS = "rpud_msgs/msg/Status"
 _JOURNAL = "rpud_msgs/msg/JournalEntry"
+_SERVICE = "rpud_msgs/srv/GetJournal"
 _REPETITION = 1.0  # of a request: a server drops the response for a client that it does not know
 _POLL_PERIOD = 0.005  # [s]
 
@@ -131,7 +132,7 @@ class JournalQuery:
         while (
             time.monotonic() < deadline
             and not self._node.intake.paused
-            and any(self._drills(topic) for topic, _ in self._asking)
+            and any(self._services(topic) for topic, _ in self._asking)
         ):
             time.sleep(_POLL_PERIOD)
             self.poll()
@@ -139,10 +140,14 @@ class JournalQuery:
             steps.close()
             self._node.get_logger().warning(f"{topic} lacks entries that no drill has returned")
 
-    def _drills(self, topic: str) -> set[str]:
-        """Return the nodes that publish a topic and return journals."""
-        names = map(node_name, self._node.get_publishers_info_by_topic(topic))
-        return {name for name in names if name and self._node.count_services(f"{name}/get_journal")}
+    def _services(self, topic: str) -> set[str]:
+        """Return the services of the topic's namespace that return journals.
+
+        Names of nodes would not do: after a standstill the middleware may not know them again.
+        """
+        prefix = topic.rpartition("/")[0] + "/"
+        services = self._node.get_service_names_and_types()
+        return {name for name, types in services if _SERVICE in types and name.startswith(prefix)}
 
     def _find_gap(self, message: Message) -> None:
         topic = self._node.topics.get(message.topic)
@@ -164,17 +169,17 @@ class JournalQuery:
         from rpud_msgs.srv import GetJournal  # others are recorded without it
 
         node = self._node
-        clients: dict[str, Client] = {}
-        others = set[str]()  # drills with another journal
+        clients: dict[str, Client] = {}  # by the names of their services
+        others = set[str]()  # services of another journal
         try:
             while True:
-                for drill in self._drills(topic) - clients.keys():
-                    clients[drill] = node.create_client(GetJournal, f"{drill}/get_journal")
-                for drill in clients.keys() - others:
-                    if clients[drill].service_is_ready():
-                        if (yield from self._fill(topic, clients[drill], before, after)):
+                for name in self._services(topic) - clients.keys():
+                    clients[name] = node.create_client(GetJournal, name)
+                for name in clients.keys() - others:
+                    if clients[name].service_is_ready():
+                        if (yield from self._fill(topic, clients[name], before, after)):
                             return
-                        others.add(drill)
+                        others.add(name)
                 yield
         finally:
             for client in clients.values():
