@@ -222,10 +222,4 @@ def test_more_than_two_runs_are_refused(made):
         compare([made / "a"] * 3)
 
 
-@pytest.mark.parametrize("option", [{"begin": -1.0}, {"tolerance": 1.0}])
-def test_wrong_arguments_are_one_line(made, option):
-    with pytest.raises(ParameterError, match=r".* = -?1\.0 .*is outside its range \[0, "):
-        compare([made / "a", made / "a"], **option)
-
-
 # --- views of the result -----------------------------------------------------------------------
