@@ -1,7 +1,5 @@
 """Definitions are complete, ordered and without repetition, as ``ros2msg`` requires."""
 
-import json
-
 import pytest
 
 from rpud_sim.bag.definitions import find_definition, find_type_hash
@@ -63,16 +61,6 @@ def test_earlier_prefixes_win_and_those_of_the_package_are_last(prefix, monkeypa
 def test_an_unknown_type_is_named(prefix, name):
     with pytest.raises(DefinitionNotFoundError, match=name or "''"):
         find_definition(name)
-
-
-def test_the_type_hash_comes_from_the_installed_description(prefix):
-    file = prefix / "share" / "a_msgs" / "msg" / "Outer.json"
-    hashes = [
-        {"type_name": "b_msgs/msg/Leaf", "hash_string": "RIHS01_00"},
-        {"type_name": "a_msgs/msg/Outer", "hash_string": "RIHS01_11"},
-    ]
-    file.write_text(json.dumps({"type_hashes": hashes}))
-    assert find_type_hash("a_msgs/msg/Outer") == "RIHS01_11"
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"type_hashes": []}'])

@@ -12,13 +12,11 @@ from sample_bags import (
     START,
     STRING_DEFINITION,
     TALK,
-    write_bag,
     write_mcap,
 )
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
-from rpud_sim.bag.batches import messages_of
 from rpud_sim.bag.recovery import recover
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
@@ -202,17 +200,3 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path, read, most):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < most
-
-
-def test_all_chunks_together_hold_every_message_once(tmp_path):
-    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
-    with rpud_sim.bag.open(path) as bag:
-        chunks = bag.chunks()
-        assert len(chunks) > 5
-        found = [message for chunk in chunks for message in messages_of(chunk.batches(None))]
-        assert found == [*bag.messages()]
-        for chunk in chunks:
-            times = [time for batch in chunk.batches({TALK.name}) for time in batch.log_times]
-            assert (chunk.start_time, chunk.end_time) == (times[0], times[-1])
-            assert chunk.topics == {TALK.name}
-            assert chunk.batches({"/other"}) == []

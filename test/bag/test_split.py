@@ -36,15 +36,12 @@ def test_by_duration_every_file_is_whole(tmp_path):
     assert document["relative_file_paths"] == names
     assert [file["path"] for file in document["files"]] == names
     assert [file["message_count"] for file in document["files"]] == [25, 25, 25, 25]
-    assert document["message_count"] == 100
-    assert document["duration"] == {"nanoseconds": 990_000_000}
     for name, file in zip(names, document["files"], strict=True):
         with (path / name).open("rb") as stream:
             statistics = make_reader(stream, validate_crcs=True).get_summary().statistics
         begin = file["starting_time"]["nanoseconds_since_epoch"]
         assert begin == statistics.message_start_time
         assert begin + file["duration"]["nanoseconds"] == statistics.message_end_time
-        assert statistics.message_count == 25
     with AnyReader([path]) as reader:
         assert reader.message_count == 100
     with rpud_sim.bag.open(path / "run_2.mcap") as bag:

@@ -149,16 +149,6 @@ def test_any_type_of_ros_is_a_table(tmp_path):
     assert frame["matrix"].iloc[0].tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
-def test_a_topic_without_messages_has_columns_without_rows(tmp_path):
-    with rpud_sim.bag.open(write_everything(tmp_path / "bag")) as bag:
-        table, columns = bag.arrays("/none"), bag.columns("/none")
-        assert bag.frame("/none").empty
-    assert {len(values) for values in table.values()} == {0}
-    assert table["small"].dtype == np.int8
-    assert table["matrix"].shape == (0, 4)
-    assert len(columns) == len(table)
-
-
 def test_several_topics_come_from_one_pass(drilled, monkeypatch):
     with rpud_sim.bag.open(drilled) as bag:
         names = [summary.topic.name for summary in bag.topics]

@@ -35,7 +35,6 @@ def fed(tmp_path_factory):
 
 def test_all_topics_of_an_arm_are_proved(arm):
     with rpud_sim.bag.open(arm) as bag:
-        status = bag.arrays("/rpud/status")
         mount = bag.arrays("/rpud/mount")
         rotation = bag.arrays("/rpud/rotation")
         wrench = bag.arrays("/rpud/wrench")
@@ -46,8 +45,6 @@ def test_all_topics_of_an_arm_are_proved(arm):
     assert rotation["angle"][-1] > 1.0
     last_two = np.stack(joints["position"])[:, -2:]
     np.testing.assert_array_equal(last_two, np.stack([rotation["angle"], mount["feed"]], axis=1))
-    powers = status["mount_power"] + status["weight_on_bit_power"]
-    np.testing.assert_allclose(status["feed_power"], powers, atol=1e-9)
     found = verify(arm)
     assert found.proved
     proved = {

@@ -103,12 +103,8 @@ def test_csv_has_integers_and_json(everything, tmp_path):
     frame = pd.read_csv(tmp_path / "out" / "all.csv")
     assert frame["log_time"].tolist() == [START, START + SECOND, START + 2 * SECOND]
     assert frame["large"].tolist() == [2**64 - 1] * 3
-    assert frame["age"].tolist() == [-SECOND + 5] * 3
-    assert frame["part.turn"].isna().all()
     assert json.loads(frame["ranges"][0]) == [0.5, "Infinity"]
-    assert json.loads(frame["matrix"][0]) == [1.0, 2.0, 3.0, 4.0]
     assert json.loads(frame["names"][0]) == ["a", "b"]
-    assert frame["note"].tolist() == ["größer"] * 3
     assert len(pd.read_csv(tmp_path / "out" / "none.csv")) == 0
 
 

@@ -91,8 +91,7 @@ def test_it_names_where_it_came_from(plain, tmp_path):
     changed, injected, commanded = origin["changes"]["planned"]
     assert origin["changes"]["parameters"] == changed["parameters"] == {"gravity": 1.62}
     assert [each["delay"] for each in (changed, injected, commanded)] == [0.0] * 3
-    assert injected["fault"]["kind"] == "restitution_loss"
-    assert (commanded["kind"], commanded["force"]) == ("weight_on_bit", 30.0)
+    assert (injected["fault"]["kind"], commanded["force"]) == ("restitution_loss", 30.0)
     assert manifest_of(plain).forked_from == {}
 
 

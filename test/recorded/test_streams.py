@@ -18,7 +18,6 @@ from rpud_sim.recorded.streams import (
     Matched,
     TopicStreams,
     difference,
-    first_field,
     matched,
 )
 from rpud_sim.simulation.configuration import to_settings
@@ -154,18 +153,6 @@ def test_a_message_of_another_run_is_no_altered_one():
         (False, True),
     ]
     assert [step.equal for step in found[2:]] == [3]
-
-
-def test_the_first_field_with_other_bits_is_named():
-    part = COMPUTED["drill_tool"][0].part(slice(0, 2))
-    codec = CODECS["drill_tool"]
-    one, other = (codec.decode(part.message(0)) for _ in range(2))
-    assert first_field(one, other) is None
-    other.velocity = np.nextafter(one.velocity, 1.0)
-    path, own, its = first_field(one, other)
-    assert (path, float(own), float(its)) == ("velocity", one.velocity, other.velocity)
-    one.velocity, other.velocity = np.nan, -np.nan
-    assert "bits" in first_field(one, other)[1]
 
 
 # --- reading ----------------------------------------------------------------------------------

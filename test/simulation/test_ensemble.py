@@ -1,20 +1,26 @@
 """Runs over initial vibration phases: those of a simulation, however many run together."""
 
 import math
+import subprocess
+import sys
+import threading
 
+import numba
 import numpy as np
 import pytest
 from drill_configurations import SANDSTONE
 
-from rpud_sim.model import engine
+from rpud_sim.model import compile, engine
+from rpud_sim.model.compile import compilation_notice
 from rpud_sim.model.engine import EngineError, initial_state
 from rpud_sim.model.tolerances import GREATEST_EFFORT
-from rpud_sim.simulation import preset
+from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import (
     Ensemble,
     Member,
+    compile_kernels,
     run_ensemble,
     run_members,
 )
@@ -40,6 +46,57 @@ def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure()
     assert found(None, 2.0, 4.0) == (3.0, pytest.approx(1.0))
     assert found(None) == (None, None)
     assert repr(found(5)) == "(5, None)"  # and no float
+
+
+# What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.
+AFTER_COMPILING = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from rpud_sim.simulation.changes import Change, Clear, Configure, Inject
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
+
+def compiled():
+    modules = [module for name, module in sys.modules.items() if name.startswith("rpud_sim.")]
+    found = [item for module in modules for item in vars(module).values()]
+    return {each: len(each.overloads) for each in found if isinstance(each, Dispatcher)}
+
+compile_kernels(Configuration())
+before = compiled()
+assert sum(before.values()) > 0
+commands = WeightOnBit(20.0), Drive(False, 0.0, 0.0), Drive(True, 50.0, 16100.0)
+faults = Inject(Fault("free_mass_jammed"), 0), Clear()
+regimes = Configure({"regime": "free"}), Configure({"regime": "drilling"})
+actions = enumerate([*commands, *faults, *regimes], 6)
+run = Run(Plan(Beginning(Settings()), [Change(n * 10_000_000, each) for n, each in actions]))
+assert [*run.advance_to(200_000_000), *run.flush()]
+print({each.__name__ for each, count in compiled().items() if count != before.get(each)})
+"""
+
+
+def test_nothing_is_left_to_compile_once_a_drill_runs():
+    command = [sys.executable, "-c", AFTER_COMPILING]
+    assert subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout == b"set()\n"
+
+
+@pytest.mark.parametrize(("limit", "reported"), [(0.01, True), (3600.0, False)])
+def test_a_compilation_that_takes_long_is_reported(monkeypatch, limit, reported):
+    told, lines = threading.Event(), []
+
+    class Slow(Statistics):
+        def add(self, block):
+            assert numba.njit(lambda: 1)() == 1
+            assert told.wait(10.0 if reported else 0.5) == reported
+
+    compile_kernels(PARAMETERS)
+    monkeypatch.setattr(ensemble, "Statistics", Slow)
+    monkeypatch.setattr(compile, "_LONG", limit)
+    compile_kernels(PARAMETERS, lambda line: (lines.append(line), told.set()))
+    assert lines == [compilation_notice()] * reported
 
 
 def exact(values):

@@ -73,22 +73,6 @@ def kinds(messages):
     return [fields["kind"] for _, topic, fields in messages if topic == "journal"]
 
 
-def test_the_beginning_comes_first_then_the_origin_and_another_origin_changes_stamps():
-    run, messages = begun(journal=Journal())
-    assert topics(messages) == ["journal", "journal", "faults"]
-    assert kinds(messages) == ["begin", "origin"]
-    assert stamp_of(messages[-1][2]) == ORIGIN
-    assert list(run.changes()) == []
-    advanced(run, 10 * MILLISECOND)
-    run.set_origin(5)
-    messages = list(rows_of(run.changes()))
-    assert (run.origin, run.time) == (5, 10 * MILLISECOND)
-    assert topics(messages) == ["journal", "faults"]
-    assert kinds(messages) == ["origin"]
-    stamps = {stamp_of(fields) for _, _, fields in advanced(run, 15 * MILLISECOND)}
-    assert max(stamps) == 5 + 15 * MILLISECOND
-
-
 @pytest.mark.parametrize("planned", [False, True])
 def test_an_entry_comes_before_its_consequences(planned):
     actions = WeightOnBit(30.0), Inject(Fault("free_mass_jammed"))

@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.model.engine import Engine, EngineError
-from rpud_sim.model.parameters import preset
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.batch import rows_of, spans
 from rpud_sim.simulation.block import boundary
@@ -236,17 +234,3 @@ def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
         6 * SECOND,
     ]
     assert all(len({batch.topic for batch in span}) == len(span) for span in found)
-
-
-def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():
-    seconds, fractions = np.zeros(4, np.int64), np.linspace(0.01, 0.04, 4)
-    failures = []
-    for together in (True, False):
-        engine = Engine(preset("drilling"))
-        engine.advance(0, 0.005)
-        engine._open_segment["nodal_plane_offset"] = np.inf
-        assert not together or engine.advance_through(seconds, fractions) is None
-        with pytest.raises(EngineError) as failure:
-            engine.advance(0, 0.04)
-        failures.append(str(failure.value))
-    assert failures[0] == failures[1]

@@ -90,12 +90,6 @@ def test_decisions(count, mean, tolerance, decision):
     assert math.isnan(found.p) == math.isnan(found.low) == (decision == TOO_FEW)
 
 
-def test_equal_values_are_equal_within_any_tolerance():
-    found = compared(values(50), values(50), 1e-9, equal=True)
-    assert (found.difference, found.low, found.high, found.relative) == (0.0,) * 4
-    assert found.decision == EQUIVALENT
-
-
 def test_a_figure_that_may_be_zero_has_no_ratio_and_is_tested_without_tolerance():
     found = compared(values(500, 0.0), values(500, 0.0, seed=1), 0.01)
     assert math.isnan(found.relative)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from plain_values import parse_targets
-from sample_bags import write_mcap
 from support import refusal
 
 from rpud_sim.recorded.offline_bag import write_offline_bag
@@ -86,9 +85,3 @@ NEGATIVE = "time,peak_force\n" + "".join(f"{0.01 * n},{-1000 - n}\n" for n in ra
 def test_a_file_without_data_is_refused_in_one_line(tmp_path, text, complaint):
     (tmp_path / "drill.csv").write_text(text)
     assert complaint in refusal(lambda: from_data(tmp_path, csv="drill.csv", skip=0.0))
-
-
-def test_a_bag_without_a_drill_is_refused(tmp_path):
-    write_mcap(tmp_path / "other.mcap", [])
-    complaint = refusal(lambda: from_data(tmp_path, bag="other.mcap"))
-    assert "has none of a drill's topics contact_force" in complaint

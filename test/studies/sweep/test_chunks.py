@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fault_signatures import ROWS
 from hypothesis import given
 from hypothesis import strategies as st
 from plain_values import parse_specification
@@ -149,8 +148,3 @@ def test_an_example_has_its_size_and_runs_at_small_size(name, simulations, tmp_p
         }
     result = run_sweep(parse_specification(content | small), tmp_path / "out", 1)
     assert (result.simulations > 0, result.failures) == (True, 0)
-
-
-def test_the_example_on_an_arm_has_every_fault_of_a_drill_on_an_arm():
-    example = read_specification(CONFIG / "sweep_faults_on_an_arm.yaml")
-    assert {fault.kind for fault in example.faults.values()} == {*ROWS}
