@@ -137,13 +137,12 @@ def effects_of(
     for name in reversed(KINDS):  # not in the order of injection: factors round otherwise
         for changed, effect in KINDS[name].effects.items() if name in given else ():
             values[changed] = effect(values[changed], given[name])
-    values["parameters"] = parameters.replace(
-        **{
-            name: min(values[name], _most(parameters, name))
-            for name, value in vars(parameters).items()
-            if values[name] != value
-        }
-    )
+    changed = {
+        name: min(values[name], _most(parameters, name))
+        for name, value in vars(parameters).items()
+        if values[name] != value
+    }
+    values["parameters"] = parameters.replace(**changed) if changed else parameters
     return FaultEffects(**{name: values[name] for name in vars(healthy)})
 
 
