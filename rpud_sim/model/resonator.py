@@ -292,6 +292,10 @@ def plan(state):
         phase = state.phase + error
         state.phase = phase - math.floor(phase)
     else:
+        # At a zero the vibration turns round where it stands. What is left is a quarter of a cycle.
+        if abs(error) > 0.25:
+            state.phase = 0.5 - state.phase
+            error -= math.copysign(0.5, error)
         state.frequency = frequency + error / interval
     # The update comes at the zero that is nearest to the interval's end.
     state.update_due = interval - 0.25 / state.frequency

@@ -98,12 +98,12 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
 @njit
 def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt):
     m, k_1, c_1, m_fm, e_1, g = bodies
-    m_eff, k_eff = tool
+    in_rock, mass, k_eff, c_dt, e_2 = tool
     modal_mass, amplitude, decay_time, frequency = resonance
     omega = 2.0 * math.pi * frequency
     drive = 2.0 * amplitude * omega / decay_time
     y, vy, z, vz, t, vt, q, p = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    joined = True
+    joined = in_rock
     square = 0.0
     first, last = round(skipped / dt), round(duration / dt)
     for i in range(last):
@@ -112,10 +112,13 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
         vy += dt * (weight - k_1 * y - c_1 * vy) / m
         y += dt * vy
         if joined:
-            z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
+            z, vz, t, vt, joined = _follow_joined(m_fm, mass, k_eff, g, dt, t, vt)
         else:
             vz += dt * g
             z += dt * vz
+            if not in_rock:
+                vt -= dt * (k_eff * t + c_dt * vt) / mass
+                t += dt * vt
         if z <= y + q:
             z = y + q
             closing = vy + p - vz
@@ -126,11 +129,11 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
                 p -= impulse / modal_mass
                 vz += impulse / m_fm
                 if joined:
-                    vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
+                    vz = vt = (m_fm * vz + mass * vt) / (m_fm + mass)
             if joined:
                 t = max(t, z)
         if not joined:
-            z, vz, vt, joined = _meet_tool(m_fm, m_eff, 0.0, True, z, vz, t, vt)
+            z, vz, vt, joined = _meet_tool(m_fm, mass, e_2, in_rock, z, vz, t, vt)
         if i >= first:
             square += q * q
     return math.sqrt(2.0 * square / (last - first))
@@ -166,6 +169,8 @@ def resonant_amplitude(configuration, duration, skipped, dt):
     frequency = actuator.resonance_frequency
     decay_time = actuator.quality_factor / (math.pi * frequency)
     resonance = (actuator.modal_mass(amplitude), amplitude, decay_time, frequency)
-    tool = (drill.tool_mass, drill.tool_spring_rate)
+    in_rock = parameters.regime == "drilling"
+    tool = (in_rock, drill.tool_mass, drill.tool_spring_rate)
+    tool += (drill.tool_damping, 0.0 if in_rock else drill.drill_tool_restitution)
     weight = parameters.weight_on_bit
     return _integrate_resonance(_bodies(drill), tool, resonance, weight, duration, skipped, dt)

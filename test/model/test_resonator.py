@@ -102,6 +102,19 @@ def test_half_the_power_is_left_half_a_bandwidth_away(side):
     assert drawn == pytest.approx(25.0, rel=1e-9)
 
 
+@settings(max_examples=examples(50), deadline=None)
+@given(st.floats(0.0, 1.0), st.floats(1e-3, 10.0), st.floats(-80.0, 80.0))
+def test_a_vibration_on_the_wrong_side_turns_round_at_its_zero(turn, size, detuning):
+    state = made(RESONANCE._replace(drive_frequency=16000.0 + detuning))
+    resonator.set_envelope(state, cmath.rect(size, 2.0 * math.pi * turn))
+    state["amplitude"], state["phase"] = SCALE * size, 0.0
+    resonator.plan(state)
+    assert 7900.0 < state["frequency"] < 24200.0
+    assert 0.0 < resonator.time_to_update(state) < 2.0 / 7900.0
+    assert len(list(updates(state))) < 1000
+    assert state["amplitude"] > 0.0
+
+
 VOLTAGES = st.just(0.0) | st.floats(1e-9, 1e3)  # of a subnormal one all bits can be lost
 
 

@@ -11,6 +11,7 @@ from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation import Simulation, plant, to_configuration
+from rpud_sim.simulation.commands import DriveChange
 
 MILLISECOND = 1_000_000
 PHASES = (0.05, 0.3, 0.55, 0.8)
@@ -94,6 +95,26 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
         found.append(simulation.actuator.amplitude)
     amplitude = np.sqrt(np.mean(np.square(found[1:])))
     assert abs(amplitude - direct) < 0.05 * direct + 1.5e-6
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.05])
+@pytest.mark.parametrize("phase", [0.1, 0.5, 0.9])
+def test_a_drill_before_drilling_vibrates_as_a_direct_oscillator(mass, phase):
+    """Its contacts stop the vibration in many phases; half a cycle later it must go on."""
+    configuration = to_configuration(
+        {"regime": "free", "actuator_model": "resonance", "drill_tool_mass": mass}
+    )
+    direct = resonant_amplitude(configuration, 1.5, 0.4, 2e-8)
+    simulation, found = Simulation(configuration, phase), []
+    for end in range(400, 1501):
+        if end == 410:
+            simulation.apply(DriveChange(False))
+        if end == 430:
+            simulation.apply(DriveChange(True))
+        simulation.advance_to(end * MILLISECOND)
+        found.append(simulation.actuator.amplitude)
+    amplitude = np.sqrt(np.mean(np.square(found[100:])))
+    assert amplitude == pytest.approx(direct, rel=0.1)
 
 
 SECOND = 1000 * MILLISECOND
