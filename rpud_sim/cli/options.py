@@ -88,7 +88,9 @@ def parameter_values(options: Any) -> dict[str, Any]:
     """Return the given parameters: those of the file, then --regime, then each --set."""
     from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
 
-    values = read_parameter_file(options.config) if options.config else {}
+    namespace = getattr(options, "namespace", "rpud").strip("/")
+    node = f"/{namespace}/drill_node" if namespace else "/drill_node"
+    values = read_parameter_file(options.config, node) if options.config else {}
     if options.regime:
         values["regime"] = options.regime
     values.update(parse_assignment(text) for text in options.assignments)

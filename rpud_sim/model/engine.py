@@ -30,7 +30,7 @@ _MOST_VALUES = 4
 _USUAL = 30.0
 
 # Segments that there is room for at first, and at most after a drain. The room doubles when it is
-# too small.
+# too small. It is not cleared: the engine is as fast as the system clears memory.
 _LEAST_ROOM = 256
 _MOST_ROOM = 65536
 
@@ -95,7 +95,7 @@ def failure(
 
 
 def _enlarged(records: np.ndarray, count: int) -> np.ndarray:
-    room = np.zeros(count, records.dtype)
+    room = np.empty(count, records.dtype)
     room[: len(records)].view(np.uint8)[:] = records.view(np.uint8)
     return room
 
@@ -104,8 +104,8 @@ class Buffers(threading.local):
     """Segments and impacts since a drain; in each thread engines may share them in turn."""
 
     def __init__(self) -> None:
-        self.segments = np.zeros(_LEAST_ROOM, SEGMENT)
-        self.impacts = np.zeros(_LEAST_ROOM, IMPACT)
+        self.segments = np.empty(_LEAST_ROOM, SEGMENT)
+        self.impacts = np.empty(_LEAST_ROOM, IMPACT)
 
 
 class Engine:
@@ -270,7 +270,7 @@ class Engine:
         else:
             covering = join_records([room[:count]], SEGMENT)
         if given or len(room) > _MOST_ROOM:
-            self._segment_room = np.zeros(min(len(room), _MOST_ROOM), SEGMENT)
+            self._segment_room = np.empty(min(len(room), _MOST_ROOM), SEGMENT)
         return covering, impacts
 
     def _commands(self) -> tuple[float, ...]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,11 @@ from rpud_sim.foundation.quantities import (
     flag,
     number,
     shown,
+    shown_name,
     text,
 )
-from rpud_sim.foundation.schema import key, read
-from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml, truth_value
+from rpud_sim.foundation.schema import read
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Command, Drive, Feed
@@ -262,22 +264,41 @@ def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: values[name] for name in _NAMES[group] if name in values}
 
 
-@dataclasses.dataclass(frozen=True)
-class _Node:
-    """Node of a ROS parameter file."""
-
-    ros__parameters: dict[str, Any] = key(
-        {name: declaration.allowed for name, declaration in PARAMETERS.items()}
-    )
+_PARAMETERS = {name: declaration.allowed for name, declaration in PARAMETERS.items()}
 
 
-def read_parameter_file(path: str | Path) -> dict[str, Any]:
-    """Return the parameters of a ROS file: those below ``/**``, then those of its nodes."""
-    nodes = open_yaml(path).mapping().items()
-    found: dict[str, Any] = {}
-    for _, node in sorted(nodes, key=lambda item: str(item[0]) != "/**"):
-        found.update(read(node, _Node).ros__parameters)
-    return found
+def read_parameter_file(path: str | Path, node: str = "/rpud/drill_node") -> dict[str, Any]:
+    """Return what a ROS parameter file has for a node, by its full name.
+
+    Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.
+    Of two that fit the node the later one counts. One without a namespace fits the node in each.
+    Raise ``ParameterError`` if no section is the node's.
+    """
+    whole = open_yaml(path)
+    sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
+    for name, parameters in _sections(whole):
+        sections.setdefault(name, []).append(parameters)
+    found = [each for name, same in sections.items() if _is_of(name, node) for each in same]
+    if not found:
+        others = ", ".join(map(shown_name, sections)) or "no ros__parameters"
+        raise whole.error(f"nothing is for {node}: the file has {others}")
+    return {name: value for each in found for name, value in read(each, _PARAMETERS).items()}
+
+
+def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
+    """Name and parameters of each section of a ROS parameter file."""
+    for key, each in cursor.mapping().items():
+        if key == "ros__parameters":
+            yield name, each
+        else:
+            yield from _sections(each, f"{name}/{key}" if name else str(key))
+
+
+def _is_of(section: str, node: str) -> bool:
+    words = {"**": r"(/\w+)*", "*": r"/\w+"}
+    parts = section.removeprefix("/").split("/")
+    pattern = "".join(words.get(word, f"/{re.escape(word)}") for word in parts)
+    return bool(re.fullmatch(pattern, node)) or parts == [node.rpartition("/")[2]]
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

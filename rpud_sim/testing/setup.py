@@ -75,12 +75,15 @@ def drill_setup(
                 f"{shown_name(name)} is neither a parameter of the drill nor one of "
                 f"{', '.join(_OWN)}; {did_you_mean(name, known)}"
             )
+    namespace = options.get("namespace", NAMESPACE)
+    if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
+        raise ParameterError(f"namespace = {shown(namespace)} is not of the form /name")
     folders = (*folders, Path())
     values: dict[str, Any] = {}
     faults = options.get("faults")
     if options.get("config") is not None:
         file = find_file(options["config"], "config", folders)
-        values = read_parameter_file(file)
+        values = read_parameter_file(file, f"{namespace}/drill_node")
         if values.get("scenario") and faults is None:
             faults = find_file(values["scenario"], "scenario", (file.parent, *folders))
     values.update((name, options[name]) for name in options if name not in _OWN)
@@ -94,9 +97,6 @@ def drill_setup(
     if faults is not None:
         place = place or cursor_at(options, "faults", FaultError)
         scenario, injected = _scenario(faults, folders, settings.configuration, place)
-    namespace = options.get("namespace", NAMESPACE)
-    if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
-        raise ParameterError(f"namespace = {shown(namespace)} is not of the form /name")
     return DrillSetup(values, settings.seed, scenario, namespace, injected)
 
 

@@ -117,13 +117,17 @@ def test_a_change_keeps_everything_else():
     assert to_configuration(dict.fromkeys(NODE_NAMES, "anything")) == Configuration()
 
 
-def test_a_node_s_own_values_come_before_those_for_all(tmp_path):
+def test_a_parameter_file_has_sections_of_several_nodes(tmp_path):
     path = tmp_path / "file.yaml"
     path.write_text(
-        "drill_node:\n  ros__parameters: {weight_on_bit: 20.0}\n"
         "/**:\n  ros__parameters: {weight_on_bit: 5.0, gravity: 1.62}\n"
+        "gripper_node:\n  ros__parameters: {weight_on_bit: 33.0, fingers: 3}\n"
+        "drill_node:\n  ros__parameters: {weight_on_bit: 20.0}\n"
+        "left:\n  drill_node:\n    ros__parameters: {weight_on_bit: 11.0}\n"
     )
     assert read_parameter_file(path) == {"weight_on_bit": 20.0, "gravity": 1.62}
+    left = read_parameter_file(path, "/left/drill_node")
+    assert left == {"weight_on_bit": 11.0, "gravity": 1.62}
 
 
 @pytest.mark.parametrize(
@@ -132,6 +136,10 @@ def test_a_node_s_own_values_come_before_those_for_all(tmp_path):
         ("", ":1: the file is not a mapping"),
         ("/**:\n  ros__parameters: 3\n", ":2: ros__parameters = 3 is not a mapping"),
         ("/**:\n  ros__parameters: {gravity: -1}", ":2: gravity = -1 m/s^2 is outside its range"),
+        (
+            "/right/drill_node:\n  ros__parameters: {gravity: 1.62}\n",
+            "nothing is for /rpud/drill_node: the file has /right/drill_node",
+        ),
         ('"two\\nlines": 3', ":1: 'two\\nlines' = 3 is not a mapping"),
     ],
 )

@@ -14,6 +14,7 @@ from rpud_sim.simulation.configuration import (
     CHANGEABLE,
     PARAMETERS,
     Settings,
+    read_parameter_file,
 )
 
 FIXED = sorted(set(PARAMETERS) - set(CHANGEABLE))
@@ -130,3 +131,24 @@ def test_a_change_during_a_reset_is_not_lost(node, monkeypatch):
     client.join()
     settings = parameters.settings
     assert (settings.command_timeout, settings.command_loss_ramp) == (2.0, 3.0)
+
+
+SECTIONS = ["/**", "/*/drill_node", "/**/drill_node", "left/drill_node", "/left/drill_node"]
+SECTIONS += ["/left/*", "/left/**", "/right/drill_node", "gripper_node", "/left", "/*"]
+
+
+@pytest.mark.parametrize("other", SECTIONS)
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_parameter_file_means_what_it_means_to_a_node(nodes, tmp_path, section, other):
+    """Of two sections that fit the later one counts, in a file that starts with another node's."""
+    path = tmp_path / "several.yaml"
+    text = "left: {drill_node: {ros__parameters: {weight_on_bit: 9.0}}}\n"
+    text += f"{section}: {{ros__parameters: {{weight_on_bit: 11.0}}}}\n"
+    if other != section:
+        text += f"{other}: {{ros__parameters: {{weight_on_bit: 22.0}}}}\n"
+    path.write_text(text)
+    options = ["--ros-args", "--params-file", str(path)]
+    node = rclpy.create_node("drill_node", namespace="/left", cli_args=options)
+    nodes.append(node)
+    read = read_parameter_file(path, "/left/drill_node")
+    assert read == {"weight_on_bit": node.declare_parameter("weight_on_bit", 0.0).value}
