@@ -135,8 +135,8 @@ def effects_of(
     healthy = FaultEffects(parameters=parameters, pushing_rate=rate, hardness=hardness)
     values = {**vars(parameters), **vars(healthy)}
     for name in reversed(KINDS):  # not in the order of injection: factors round otherwise
-        for changed, effect in KINDS[name].effects.items() if name in given else ():
-            values[changed] = effect(values[changed], given[name])
+        for each, effect in KINDS[name].effects.items() if name in given else ():
+            values[each] = effect(values[each], given[name])
     changed = {
         name: min(values[name], _most(parameters, name))
         for name, value in vars(parameters).items()

@@ -8,6 +8,7 @@ import pytest
 from drill_configurations import tables
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.lib.recfunctions import repack_fields
 from support import examples
 from trajectories import (
     check_trajectory,
@@ -105,7 +106,7 @@ def test_changes_keep_the_order_of_bodies_and_continuity_wherever_a_caller_stops
             run(regime, planned, stops)
         return
     for part, again in zip((segments, impacts), run(regime, planned, stops), strict=True):
-        assert part.tobytes() == again.tobytes()
+        assert repack_fields(part).tobytes() == repack_fields(again).tobytes()  # bits, no gaps
     assert np.isfinite(segments["duration"]).all()
     check_trajectory(segments)
     for name in impacts.dtype.names:
