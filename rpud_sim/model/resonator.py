@@ -12,7 +12,8 @@ V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - owed, 
 - A blow on the tip changes velocity and energy of the vibration at once, unless it is at rest.
 - A contact that lasts feels the vibration as it is. Its work is owed and taken at the next update.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
-  frequency that turns their vibration to the envelope's phase until the next update. If more is
+  frequency that turns their vibration to the envelope's phase until the next update. A vibration
+  more than a quarter of a cycle away turns round first, which moves nothing at a zero. If more is
   owed than stored, the vibration rests until the drive has made up for it.
 """
 
@@ -292,7 +293,7 @@ def plan(state):
         phase = state.phase + error
         state.phase = phase - math.floor(phase)
     else:
-        # At a zero the vibration turns round where it stands. What is left is a quarter of a cycle.
+        # Half a cycle of error over half a cycle would be a frequency of zero, for ever.
         if abs(error) > 0.25:
             state.phase = 0.5 - state.phase
             error -= math.copysign(0.5, error)

@@ -49,6 +49,20 @@ def _meet_tool(m_fm, m_dt, e_2, in_rock, z, vz, t, vt):
 
 
 @njit
+def _follow_apart(m_dt, k_dt, c_dt, g, dt, in_rock, x, vx, z, vz, t, vt):
+    """Move free mass and drill tool on their own; in the rock the tool rests.
+
+    The tool hangs on a mount at x.
+    """
+    vz += dt * g
+    z += dt * vz
+    if not in_rock:
+        vt += dt * (k_dt * (x - t) + c_dt * (vx - vt)) / m_dt
+        t += dt * vt
+    return z, vz, t, vt
+
+
+@njit
 def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
     m, k_1, c_1, m_fm, e_1, g = bodies
     m_eff, k_eff, m_dt, k_dt, c_dt, e_2 = tool
@@ -74,11 +88,9 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
         if joined:
             z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
         else:
-            vz += dt * g
-            z += dt * vz
-            if not in_rock:
-                vt += dt * (k_dt * (x - t) + c_dt * (vx - vt)) / m_dt
-                t += dt * vt
+            z, vz, t, vt = _follow_apart(
+                m_dt, k_dt, c_dt, g, dt, in_rock, x, vx, z, vz, t, vt
+            )
         cycles = phase + frequency * i * dt
         tip = y + amplitude * _cosine(cycles - 0.25)
         v_tip = vy + omega * amplitude * _cosine(cycles)
@@ -114,11 +126,9 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
         if joined:
             z, vz, t, vt, joined = _follow_joined(m_fm, mass, k_eff, g, dt, t, vt)
         else:
-            vz += dt * g
-            z += dt * vz
-            if not in_rock:
-                vt -= dt * (k_eff * t + c_dt * vt) / mass
-                t += dt * vt
+            z, vz, t, vt = _follow_apart(
+                mass, k_eff, c_dt, g, dt, in_rock, 0.0, 0.0, z, vz, t, vt
+            )
         if z <= y + q:
             z = y + q
             closing = vy + p - vz
