@@ -9,7 +9,7 @@ from contextlib import suppress
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
-from rpud_sim.foundation.options import DOMAIN, bag_argument, option
+from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
@@ -73,7 +73,7 @@ JSON: Fields = {"json": option(False, "print one JSON object", last=True)}
 BAG: Fields = {**JSON, "bag": bag_argument()}
 # Where a drill runs.
 PLACE: Fields = {
-    "namespace": option("/rpud", "namespace of the drill", last=True),
+    "namespace": option(NAMESPACE, "namespace of the drill", last=True),
     "domain": option(None, "ROS domain (default: ROS_DOMAIN_ID, or 0)", DOMAIN, last=True),
 }
 ASSIGNMENT: dict[str, Any] = {"flag": "--set", "action": "append", "metavar": "NAME=VALUE"}
@@ -88,7 +88,7 @@ def parameter_values(options: Any) -> dict[str, Any]:
     """Return the given parameters: those of the file, then --regime, then each --set."""
     from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
 
-    namespace = getattr(options, "namespace", "rpud").strip("/")
+    namespace = getattr(options, "namespace", NAMESPACE).strip("/")
     node = f"/{namespace}/drill_node" if namespace else "/drill_node"
     values = read_parameter_file(options.config, node) if options.config else {}
     if options.regime:

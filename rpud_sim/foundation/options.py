@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from rpud_sim.foundation.quantities import Quantity
 
+NAMESPACE = "/rpud"  # of a drill without another one
 LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
 
 POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
@@ -65,7 +66,7 @@ def run_time_option() -> float | None:
 
 
 def namespace_option(text: str) -> str:
-    return option("/rpud", text)
+    return option(NAMESPACE, text)
 
 
 def parent_flag() -> bool:

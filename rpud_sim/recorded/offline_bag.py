@@ -24,14 +24,13 @@ from rpud_sim.bag.metadata import (
     losses_to_record,
     machine_name,
 )
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, offered_topics
-
-NAMESPACE = "/rpud"
 
 
 def write_offline_bag(

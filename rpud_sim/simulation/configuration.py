@@ -12,6 +12,7 @@ from rpud_sim.drilling.borehole import BitParameters
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import RotationParameters
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import (
     Declaration,
     Flag,
@@ -267,7 +268,7 @@ def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
 _PARAMETERS = {name: declaration.allowed for name, declaration in PARAMETERS.items()}
 
 
-def read_parameter_file(path: str | Path, node: str = "/rpud/drill_node") -> dict[str, Any]:
+def read_parameter_file(path: str | Path, node: str = f"{NAMESPACE}/drill_node") -> dict[str, Any]:
     """Return what a ROS parameter file has for a node, by its full name.
 
     Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import (
     ParameterError,
     did_you_mean,
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 _MOST_IDLE = 3  # drills that are kept: each takes some 200 MB
 
-NAMESPACE = "/rpud"
 _OWN = ("config", "faults", "seed", "namespace")
 _RESERVED: Mapping[str, str] = {
     **dict.fromkeys((*LOCKSTEP, "autostart"), "a drill of a test runs in lockstep"),

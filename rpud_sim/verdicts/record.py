@@ -13,6 +13,7 @@ from rpud_sim.bag import Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects
 from rpud_sim.bag.tables import to_rows
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.values import Sequences
 from rpud_sim.recorded.runs import RecordedRun, runs_of
@@ -30,7 +31,6 @@ from rpud_sim.verdicts.names import (
 )
 from rpud_sim.verdicts.units import ExpectationError
 
-NAMESPACE = "/rpud"
 _STATUS_TYPE = "rpud_msgs/msg/Status"
 
 

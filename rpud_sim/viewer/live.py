@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from itertools import count
 from typing import Any
 
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import (
     QUANTITIES,
     ParameterError,
@@ -320,7 +321,7 @@ class LiveStore(Store):
 
     mode = "live"
 
-    def __init__(self, finder: DrillFinder, namespace: str = "/rpud") -> None:
+    def __init__(self, finder: DrillFinder, namespace: str = NAMESPACE) -> None:
         self.heard: dict[str, LiveDrill] = {}  # drills by namespace
         self.finder = finder
         self._default = f"/{namespace.strip('/')}"

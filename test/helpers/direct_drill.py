@@ -88,9 +88,7 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
         if joined:
             z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
         else:
-            z, vz, t, vt = _follow_apart(
-                m_dt, k_dt, c_dt, g, dt, in_rock, x, vx, z, vz, t, vt
-            )
+            z, vz, t, vt = _follow_apart(m_dt, k_dt, c_dt, g, dt, in_rock, x, vx, z, vz, t, vt)
         cycles = phase + frequency * i * dt
         tip = y + amplitude * _cosine(cycles - 0.25)
         v_tip = vy + omega * amplitude * _cosine(cycles)
@@ -126,9 +124,7 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
         if joined:
             z, vz, t, vt, joined = _follow_joined(m_fm, mass, k_eff, g, dt, t, vt)
         else:
-            z, vz, t, vt = _follow_apart(
-                mass, k_eff, c_dt, g, dt, in_rock, 0.0, 0.0, z, vz, t, vt
-            )
+            z, vz, t, vt = _follow_apart(mass, k_eff, c_dt, g, dt, in_rock, 0.0, 0.0, z, vz, t, vt)
         if z <= y + q:
             z = y + q
             closing = vy + p - vz

@@ -18,6 +18,7 @@ from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
 
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client.listening_node import (
@@ -74,7 +75,7 @@ class DrillClient(ListeningNode):
 
     def __init__(
         self,
-        namespace: str = "/rpud",
+        namespace: str = NAMESPACE,
         domain_id: int | None = None,
         node_name: str = "drill_client",
         patience: float = PATIENCE,
