@@ -18,7 +18,7 @@ from bench.machine import describe_machine, processor_time
 from bench.page import KEPT, ROOT, write_page
 from bench.table import Part, Row, heading, rows_of, table, write_parts
 
-MEASUREMENTS = ("engine", "bags", "replay", "recorder", "telemetry", "drills")
+MEASUREMENTS = ("engine", "bags", "lockstep", "replay", "recorder", "telemetry", "drills")
 """Each is a module with a function of the same name, which yields rows."""
 
 

@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 from rpud_sim.drilling.mount import STOPPED
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, WeightOnBit
 from rpud_sim.simulation.simulation import Simulation
 
@@ -33,6 +33,16 @@ class Control:
         # In nanoseconds, so that the end of the ramp is exact. At least 1: 0 would be no timeout.
         self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
         self._ramp = round(ramp * SECOND)
+
+    @property
+    def quiet_until(self) -> int:
+        """Time until which ``act`` changes nothing without a command [ns]; ``NEVER`` for ever."""
+        if not (self._timeout and self.active):
+            return NEVER
+        overdue = self.simulation.time - self._last - self._timeout
+        if overdue <= 0:
+            return self._last + self._timeout
+        return NEVER if self.commands_lost and overdue > self._ramp else self.simulation.time
 
     def activate(self, active: bool) -> None:
         """Let commands act from now on, starting with the initial ones, or let none act."""

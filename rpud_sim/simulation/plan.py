@@ -6,11 +6,14 @@ import dataclasses
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of, whole_time
+from rpud_sim.simulation.commands import COMMAND_NAMES
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.scenario_file import SEED, scenario_of
@@ -32,25 +35,39 @@ class JournalEntry:
 
 
 class Journal:
-    """Queue of the entries of runs, in order, with the number of the first one."""
+    """Queue of the entries of runs, in order.
+
+    Commands of one time have a fixed order, whichever arrived first: weight on bit, drive and feed
+    do not depend on each other.
+    """
 
     def __init__(self, first: int = 0) -> None:
-        self.count = first  # number of the next entry; read-only
-        self._entries: list[JournalEntry] = []
+        self.count = first  # number of the next entry that ``drain`` returns; read-only
+        self._waiting: list[tuple[int, str, Mapping[str, Any]]] = []  # time, kind and content
 
     def record(self, time: int, kind: str, content: Mapping[str, Any]) -> None:
         """Append an entry for a change at a simulation time [ns]."""
-        last = self._entries[-1] if self._entries else None
-        if kind == "origin" and last and (last.kind, last.time) == (kind, time):
-            self._entries.pop()  # nothing was published under it
-            self.count -= 1
-        self._entries.append(JournalEntry(self.count, time, kind, content))
-        self.count += 1
+        if kind == "origin" and self._waiting and self._waiting[-1][:2] == (time, kind):
+            self._waiting.pop()  # nothing was published under it
+        self._waiting.append((time, kind, content))
 
     def drain(self) -> list[JournalEntry]:
         """Return the entries since the last call."""
-        entries, self._entries = self._entries, []
+        entries = []
+        for (_, commanded), group in groupby(self._waiting, _time_and_whether_commanded):
+            for time, kind, content in sorted(group, key=_kind) if commanded else group:
+                entries.append(JournalEntry(self.count, time, kind, content))
+                self.count += 1
+        self._waiting.clear()
         return entries
+
+
+_kind = itemgetter(1)
+
+
+def _time_and_whether_commanded(entry: tuple[int, str, object]) -> tuple[int, bool]:
+    time, kind, _ = entry
+    return time, kind in COMMAND_NAMES.values()
 
 
 _UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
@@ -108,6 +108,14 @@ class Run:
         return boundary(boundaries_until(self.time, rate) + 1, rate)
 
     @property
+    def next_watch(self) -> int:
+        """End of the block at which commands have to be watched again [ns], or ``NEVER``."""
+        quiet, rate = self.control.quiet_until, self.beginning.settings.telemetry_rate
+        if quiet == NEVER:
+            return NEVER
+        return max(self.next_boundary, boundary(boundaries_until(quiet, rate), rate))
+
+    @property
     def next_change(self) -> int:
         """Time of the next change of the plan [ns]; ``NEVER`` if none is left."""
         return self._schedule.next
@@ -173,7 +181,7 @@ class Run:
                 return
             until = min(time, self._schedule.next)
             if self._watches:
-                until = min(until, self.next_boundary)
+                until = min(until, self.next_watch)
             if self._reports:
                 until = min(until, (self.time // SECOND + 1) * SECOND)
             while self.time < until:

@@ -1,4 +1,4 @@
-"""Collector of what the drill and the nodes under test publish, without an executor."""
+"""Collector of what arrives over DDS: from the nodes under test, and status of the drill."""
 
 from __future__ import annotations
 
@@ -23,8 +23,6 @@ from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps, request_for, tak
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
-
-STREAMS = ("waveform", "trajectory")  # topics that are heard on request alone: they are large
 
 _STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")  # types of a first field with a time
 _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}  # by the byte order of the payload
@@ -55,7 +53,7 @@ class HeardTopic(FollowedTopic):
         self.number: int | None = None  # of the latest message, by its publisher
         self.gaps = SequenceGaps(lambda: 1)  # counted where ``numbered``
         self.commands = 0  # that the drill counts, if this is a topic of commands
-        self._numbered = numbered
+        self.numbered = numbered
         self._changes = changes
         self.payloads: list[bytes] = []
         self.stamps: list[int] = []  # [ns]; without one, the drill's time when a message came
@@ -78,7 +76,7 @@ class HeardTopic(FollowedTopic):
     def note(self, number: int | None) -> None:
         """Note the number of the latest message, by its publisher."""
         self.number = number
-        if self._numbered:
+        if self.numbered:
             self.gaps.record(number)
 
     def messages(self) -> list[Any]:
@@ -111,7 +109,7 @@ class HeardTopic(FollowedTopic):
         second, nanosecond = _STAMP[payload[1] & 1].unpack_from(payload, _STAMP_AT)
         stamp = int(second * SECOND + nanosecond)
         # Zero is a time of the drill, but no stamp of others.
-        return stamp if stamp or self._numbered else time
+        return stamp if stamp or self.numbered else time
 
 
 def _commands_feed(payload: bytes) -> bool:
@@ -145,9 +143,7 @@ class Collector:
         )
         self.topics: dict[str, HeardTopic] = {}  # by absolute name
         self._wait_set: Any = None
-        for name in TOPICS:
-            if name not in STREAMS:
-                self.subscribe(name, TOPICS[name].type)
+        self.subscribe("status", TOPICS["status"].type)
         for name, kind in ALL_COMMAND_TOPICS.items():
             self.subscribe(name, kind)
         self._always = set(self.topics)
@@ -186,6 +182,11 @@ class Collector:
         self.topics[absolute] = topic
         self._wait_set = None
         return topic
+
+    @property
+    def hears_others(self) -> bool:
+        """Whether it has subscribed to more than what every test hears."""
+        return len(self.topics) > len(self._always)
 
     def ask(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
         """Ask the drill for its account; see ``DrillClient.delivery``."""
@@ -245,19 +246,13 @@ class Collector:
     def forget(self) -> None:
         """Forget everything before the reset that the drill has just done.
 
-        Of latched topics the last message stays, and of the journal what follows the beginning.
+        Of latched topics the last message stays.
         """
-        journal = self.resolve("journal")
-        for name, topic in self.topics.items():
-            if name == journal:
-                kinds = [entry.kind for entry in topic.messages()]
-                begun = [index for index, kind in enumerate(kinds) if kind == "begin"]
-                topic.forget(begun[-1] if begun else len(topic))
-            else:
-                topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
+        for topic in self.topics.values():
+            topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
     def forget_others(self) -> None:
-        """Unsubscribe from all topics but those of the drill that are always heard."""
+        """Unsubscribe from all topics but those that every test hears."""
         for name in set(self.topics) - self._always:
             self.topics.pop(name).close()
             self._wait_set = None

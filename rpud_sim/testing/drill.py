@@ -12,6 +12,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.errors import LostMessagesError, is_verdict
 from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
 from rpud_sim.testing.lockstep import Lockstep, described
@@ -49,14 +50,15 @@ def _noted(
 class Drill(Lockstep):
     """Drill in lockstep: simulation time passes in steps alone.
 
-    A step is over when all that the drill has published up to its stamp is here, and every declared
-    answer of the nodes under test. So a test gives the same result on every machine, at any load.
+    A step is over when every declared answer of the nodes under test is here, and the drill has all
+    of their commands. What the drill publishes is computed in the test's process when it is asked
+    for, with the same bits. So a test gives the same result on every machine, at any load.
     Commands start in ``folder``; None is the working directory.
     """
 
     def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
         super().__init__(process)
-        self._verdicts = LiveVerdicts(self._collector)
+        self._verdicts = LiveVerdicts(self._collector.node.get_namespace(), self._heard)
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
         self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
@@ -109,9 +111,9 @@ class Drill(Lockstep):
         return tuple(self._systems.processes)
 
     @property
-    def heard(self) -> dict[str, HeardTopic]:
+    def heard(self) -> dict[str, HeardTopic | ComputedTopic]:
         """Everything that was published since the test began, by absolute topic."""
-        return dict(self._collector.topics)
+        return {**self._collector.topics, **self._computed.topics}
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -196,9 +198,10 @@ class Drill(Lockstep):
     # What was published.
 
     def listen(self, topic: str, kind: str = "") -> None:
-        """Keep the messages of a topic from now on.
+        """Keep the messages of a topic of other nodes from now on.
 
-        All topics of the drill are kept from the beginning, but ``waveform`` and ``trajectory``.
+        Those of the drill are computed. One that is listened to is received over DDS, too, and has
+        to be the same bit for bit.
 
         Args:
             topic: of any node; a relative name is one of the drill's namespace.
@@ -316,8 +319,8 @@ class Drill(Lockstep):
             self._note(text)
         self._advance(until)
 
-    def _heard(self, topic: str) -> HeardTopic:
-        heard = self._collector.topics.get(self._collector.resolve(topic))
+    def _heard(self, topic: str) -> HeardTopic | ComputedTopic:
+        heard = self._topic(topic)
         if heard is None:
             hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *self.heard])}"
             raise ParameterError(

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import yaml
 
-from rpud_sim.testing.collector import Collector
+from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.errors import ExpectationFailedError, is_verdict
 from rpud_sim.verdicts import (
     Expectation,
@@ -29,8 +30,9 @@ __tracebackhide__ = is_verdict
 class LiveVerdicts:
     """Verdicts on a drill that goes on."""
 
-    def __init__(self, collector: Collector) -> None:
-        self._collector = collector
+    def __init__(self, namespace: str, topic: Callable[[str], HeardTopic | ComputedTopic]) -> None:
+        self._namespace = namespace
+        self._topic = topic
         self.begin()
 
     def begin(self) -> None:
@@ -40,7 +42,7 @@ class LiveVerdicts:
 
     def reset(self) -> None:
         """Judge only what comes from now on."""
-        self._record = Record(self._collector.node.get_namespace())
+        self._record = Record(self._namespace)
         self._added: dict[str, int] = {}  # messages, by topic
         self._lost: dict[str, int] = {}  # messages, by topic
 
@@ -84,8 +86,14 @@ class LiveVerdicts:
 
     def _filled(self, expectations: Sequence[Expectation]) -> Record:
         for topic in sorted({topic for each in expectations for topic in each.topics}):
-            heard = self._collector.topics[self._collector.resolve(topic)]
+            heard = self._topic(topic)
             begin = self._added.get(topic, 0)
+            if isinstance(heard, ComputedTopic):
+                batches = heard.batches
+                for batch in batches[begin:]:
+                    self._record.add_serialized(topic, batch)
+                self._added[topic] = len(batches)
+                continue
             messages = heard.messages()
             for stamp, message in zip(heard.stamps[begin:], messages[begin:], strict=True):
                 self._record.add(topic, stamp, message)

@@ -7,12 +7,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from rpud_msgs.msg import Status
+from builtin_interfaces.msg import Duration
+from rpud_msgs.msg import JournalEntry, Status
+from rpud_msgs.srv import StepSimulation
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
-from rpud_sim.testing.collector import Collector
+from rpud_sim.ros.client.listening_node import to_time
+from rpud_sim.testing.collector import Collector, HeardTopic
+from rpud_sim.testing.computed import ComputedDrill, ComputedTopic, check_equal
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
 from rpud_sim.testing.nodes import Answers, Introductions
 from rpud_sim.testing.processes import DrillProcess, applied
@@ -21,7 +25,8 @@ from rpud_sim.testing.systems import Systems
 _START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
 _PATIENCE = 60.0  # that the drill may take to answer or to publish [s]
 _DELIVERY = 5.0  # that subscribers may take to acknowledge [s]
-_LONGEST_ADVANCE = SECOND  # in one go: the middleware keeps some thousand messages [ns]
+_LONGEST_ADVANCE = SECOND  # beside others: the middleware keeps some thousand messages [ns]
+_OWN_NODES = 3  # in the domain of a drill: its node and two of the test
 
 Value = TypeVar("Value")
 __tracebackhide__ = is_verdict
@@ -44,12 +49,18 @@ class LockstepClient(DrillClient):
     play = _refused("play", "step")
     reset = _refused("reset", "reset")
 
+    def advance(self, nanoseconds: int, entries_from: int) -> Any:
+        """Advance, and return the response, with the journal's entries from a number on."""
+        length = to_time(Duration, "step", nanoseconds / SECOND)
+        request = StepSimulation.Request(duration=length, entries_from=entries_from)
+        return self._advance("simulation/step", request)
+
 
 class Lockstep:
     """Drill whose time passes in steps alone.
 
-    A step is over when all that the drill has published up to its stamp is here, and every declared
-    answer of the nodes under test, and the drill has every command that they gave.
+    A step is over when every declared answer of the nodes under test is here, and the drill has
+    every command that they gave. What the drill publishes is computed when it is asked for.
     """
 
     def __init__(self, process: DrillProcess) -> None:
@@ -60,8 +71,11 @@ class Lockstep:
             self._client = LockstepClient(
                 namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
             )
-            # of the messages
+            # of the messages of others
             self._collector = Collector(self._client)
+        self._computed = ComputedDrill(self._collector.resolve, self._new_entries)
+        # Whether the drill's journal may have entries that are not known here.
+        self._changed = True
         self._client.check_while_waiting(self._check)
         introductions = Introductions(self._collector, self._client.node)
         # that the nodes under test have declared
@@ -91,6 +105,7 @@ class Lockstep:
             self._collector.forget_others()
         except (ClientError, LostMessagesError) as error:
             raise DrillError(f"the drill cannot be reset: {error}") from error
+        self._computed.refresh()
         status = self._collector.own("status")
         if status.stamps[-1] or status.latest().state != Status.STATE_PAUSED:
             raise DrillError(f"the drill is {status.latest().state} after a reset, not paused")
@@ -102,6 +117,30 @@ class Lockstep:
         self._collector.time = 0
         self._settle()
         self._collector.forget()
+        self._changed = True
+
+    def _topic(self, topic: str) -> HeardTopic | ComputedTopic | None:
+        """Return a topic with all its messages; None if it is neither computed nor heard.
+
+        Where a topic of the drill is heard, too, its messages have to be those that are computed.
+        """
+        name = self._collector.resolve(topic)
+        computed, heard = self._computed.topics.get(name), self._collector.topics.get(name)
+        if heard is not None and heard.numbered:
+            self._await_published()
+        if computed is not None and heard is not None:
+            check_equal(computed, heard)
+        return heard if computed is None else computed
+
+    def _new_entries(self) -> list[JournalEntry]:
+        """Return the entries of the drill's journal that are not known here."""
+        found: list[JournalEntry] = []
+        if self._changed and self.alive:
+            self._changed = False
+            with self._guarded():
+                while page := self._client.journal(self._computed.count + len(found)):
+                    found += page
+        return found
 
     def _advance(self, until: int) -> None:
         """Advance to a simulation time [ns], with an answer of every node at each due time."""
@@ -121,6 +160,7 @@ class Lockstep:
             with self._guarded():
                 return action()
         finally:
+            self._changed = True
             if self.alive:  # also where the drill refuses it: the status counts that
                 self._settle()
 
@@ -133,7 +173,7 @@ class Lockstep:
         collector, status = self._collector, self._collector.own("status")
 
         def lack() -> str:
-            if not status.stamps or status.stamps[-1] < collector.time:
+            if not status.stamps:
                 return "status"
             if (status.number or 0) < self._client.status_number:
                 return "status"
@@ -171,21 +211,27 @@ class Lockstep:
         self._process.stop()
 
     def _advance_once(self, until: int) -> None:
-        self._systems.check()
-        self._systems.await_answerers()
+        collector, systems = self._collector, self._systems
+        systems.check()
+        systems.await_answerers()
         self._answers.begin()
-        while self._collector.time < until:
-            length = min(until - self._collector.time, _LONGEST_ADVANCE)
+        accompanied = len(collector.node.get_node_names()) > _OWN_NODES
+        while collector.time < until:
+            length = until - collector.time
+            if accompanied or collector.hears_others:
+                length = min(length, _LONGEST_ADVANCE)
             with self._guarded():
-                reached = DrillClient.step(self._client, length / SECOND)
-            self._collector.time = round(reached * SECOND)
-            self._collector.published = self._client.published
-            self._await_published()
+                response = self._client.advance(length, self._computed.count)
+            collector.time = join_seconds(response.time.sec, response.time.nanosec)
+            collector.published = self._client.published
+            self._computed.add(response.entries)
+            self._computed.reach(collector.time, response.status)
+            collector.take()
         period = self._answers.period
         if period and until % period == 0:
-            self._systems.await_answers(until)
-        if self._systems.await_commands():
-            self._settle()
+            systems.await_answers(until)
+        systems.await_commands(response.status)
+        self._changed |= accompanied
 
     def _await_start(self) -> None:
         status = self._collector.own("status")

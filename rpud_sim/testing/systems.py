@@ -11,6 +11,8 @@ from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from rpud_msgs.msg import Status
+
 from rpud_sim.foundation.child_process import ChildProcess, stop_all
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
@@ -188,24 +190,21 @@ class Systems:
             kind = "late" if answers.late(stamp) else "silent"
             raise self._failure(", ".join(answers.names), kind, text, self.processes)
 
-    def await_commands(self) -> bool:
-        """Wait until the drill has counted every command; return whether there was one."""
-        collector, status = self._collector, self._collector.own("status")
+    def await_commands(self, status: Status) -> None:
+        """Wait until the drill has counted every command; ``status`` is that of the last step."""
+        collector, heard = self._collector, self._collector.own("status")
 
         def given() -> int:
             return sum(collector.own(name).commands for name in ALL_COMMAND_TOPICS)
 
         def lack() -> str:
-            latest = status.latest()
-            if latest.commands_accepted + latest.commands_rejected >= given():
+            latest = (status, *filter(None, [heard.latest()]))
+            if max(s.commands_accepted + s.commands_rejected for s in latest) >= given():
                 return ""
             return f"{given()} commands were given, and the drill has not got all of them"
 
-        if not given():
-            return False
-        if lacking := collector.until_complete(lack, _ACCEPTANCE, lambda: None):
+        if given() and (lacking := collector.until_complete(lack, _ACCEPTANCE, lambda: None)):
             raise LostMessagesError(lacking)
-        return True
 
     def check(self) -> None:
         for system in self.processes:

@@ -5,20 +5,21 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import Column, Kind, TopicSummary
+from rpud_sim.bag import Column, Topic, TopicSummary
 from rpud_sim.bag import open as open_bag
-from rpud_sim.bag.columns import RECEIVED, objects
-from rpud_sim.bag.tables import to_rows
+from rpud_sim.bag.batches import SerializedBatch
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.tables import Table
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.values import Sequences
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
-from rpud_sim.verdicts.messages import MissingMessages, TopicBatch, TopicMessages, get, time_of
+from rpud_sim.verdicts.messages import MissingMessages, TopicBatch, TopicMessages
 from rpud_sim.verdicts.names import (
     PERIODIC,
     PERIODIC_HOLD,
@@ -103,11 +104,16 @@ class Record:
         The stamp is that of its header, or else of its arrival [ns].
         """
         topic = self._relative(topic)
-        if topic in ("waveform", "trajectory"):
-            self._add_block(topic, message)
-        else:
-            self._live.setdefault(topic, []).append((int(stamp), self._count, message))
+        self._live.setdefault(topic, []).append((int(stamp), self._count, message))
         self._count += 1
+        self._kept.clear()
+
+    def add_serialized(self, topic: str, messages: SerializedBatch) -> None:
+        """Add serialized messages of a topic of the drill."""
+        topic = self._relative(topic)
+        table = _table(TYPES[topic])
+        self._columns[topic] = table.columns
+        self._add_columns(topic, table.batch(messages).columns)
         self._kept.clear()
 
     def add_losses(self, topic: str, count: int) -> None:
@@ -220,22 +226,6 @@ class Record:
             stamps = columns["log_time"]
         self._add_batch(topic, stamps, columns)
 
-    def _add_block(self, topic: str, message: Any) -> None:
-        columns = drill_columns(topic, blocks=True)
-        values: dict[str, np.ndarray | Sequences] = {}
-        for column in columns:
-            value = message
-            for name in column.name.split("."):
-                value = self._count if name in RECEIVED else get(value, name)
-            if column.kind is Kind.SEQUENCE:
-                values[column.name] = Sequences.of([np.array(value, column.dtype)], column.dtype)
-            elif column.kind is Kind.TIME:
-                values[column.name] = np.array([time_of(value)], np.int64)
-            else:
-                values[column.name] = objects([value]).astype(column.dtype)
-        rows = to_rows(columns, values)
-        self._add_batch(topic, rows["time"], rows)
-
     def _add_batch(self, topic: str, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
         batch = TopicBatch(stamps, columns["publish_time"], columns)
         self._batches.setdefault(topic, []).append(batch)
@@ -247,6 +237,13 @@ class Record:
 
     def _absolute(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"{self._namespace}/{topic}"
+
+
+@cache
+def _table(type_name: str) -> Table:
+    """Return the table of a type of the drill."""
+    topic = Topic("", type_name)
+    return Table(TopicSummary(topic, 0, None, None, find_definition(type_name)))
 
 
 def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:

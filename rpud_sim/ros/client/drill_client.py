@@ -50,6 +50,7 @@ _TOPICS = {
     "command_results": msg.CommandResults,
 }
 _LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
 _STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 _FAULT_KIND = Text("kind of a fault", "a kind of fault")
@@ -84,6 +85,8 @@ class DrillClient(ListeningNode):
         self._found = False
         self._latest: dict[str, Any] = {}  # message by topic
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
+        self._listeners: list[TopicListener] = []
+        self._shown = 0  # number of the status that a step returned; those before are older
         # Messages that the drill had published on each topic when the last step ended.
         self.published: Mapping[str, int] = {}
         self._observer: Callable[[str, Any], object] = lambda topic, message: None
@@ -181,6 +184,7 @@ class DrillClient(ListeningNode):
         self.found()
         listener = TopicListener(self, topic, kind, qos, patience)
         self._services.introduce()
+        self._listeners.append(listener)
         return listener.messages
 
     def observe(self, observer: Callable[[str, Any], object]) -> None:
@@ -311,15 +315,15 @@ class DrillClient(ListeningNode):
     def step(self, seconds: float) -> float:
         """Advance a paused drill, and return the stamp that it reached [s].
 
-        Its messages up to then have been taken where they have arrived; ``published`` counts them.
+        The messages up to then are in the lists of ``listen``; ``published`` counts all of them.
         """
         request = srv.StepSimulation.Request(duration=to_time(Duration, "step", seconds))
-        return self._advance("simulation/step", request)
+        return _reached(self._advance("simulation/step", request))
 
     def run_to(self, stamp: float) -> float:
         """Advance a paused drill to a stamp [s], and return the stamp that it reached [s]."""
         request = srv.RunToTime.Request(time=to_time(Time, "time", stamp))
-        return self._advance("simulation/run_to", request)
+        return _reached(self._advance("simulation/run_to", request))
 
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
         """Begin again: ``all``, ``time``, ``state`` or ``faults``, or bits of the service.
@@ -347,13 +351,22 @@ class DrillClient(ListeningNode):
         states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
         self.until(lambda: self.status.state in states, what=f"no status said {name}")
 
-    def _advance(self, name: str, request: Any) -> float:
+    def _advance(self, name: str, request: Any) -> Any:
+        """Call a service that advances the drill, and return its response, whose status counts."""
         response = self._ask(name, request)
         self.published = dict(zip(response.topics, response.published, strict=True))
-        reached = join_seconds(response.time.sec, response.time.nanosec) / SECOND
-        self.until(lambda: self.time >= reached, what="no status showed the end of the step")
+        if self.status_number < self.published["status"]:  # those that are still on their way
+            self._shown = self.published["status"]
+            self._latest["status"] = response.status
+        expected = {self.node.resolve_topic_name(n): count for n, count in self.published.items()}
+        with suppress(NoAnswerError):  # a best-effort subscription may have lost the last ones
+            self.wait_until(
+                lambda: all(each.number >= expected.get(each.name, 0) for each in self._listeners),
+                "",
+                min(self.patience, _DELIVERY),
+            )
         self.take()
-        return reached
+        return response
 
     def _ask(self, name: str, request: Any, repeat: bool = False) -> Any:
         self.found()
@@ -364,10 +377,15 @@ class DrillClient(ListeningNode):
         self._commands.send(name, message)
 
     def _on_message(self, topic: str, message: Any, info: dict[str, Any]) -> None:
-        self._latest[topic] = message
         if topic == "status":
-            self._numbers.append(info["publication_sequence_number"])
-        elif topic == "command_results":
+            number = info["publication_sequence_number"]
+            if number < self.status_number:  # of another process
+                self._shown = 0
+            self._numbers.append(number)
+            if number < self._shown:
+                return
+        self._latest[topic] = message
+        if topic == "command_results":
             self._commands.take(message)
         self._observer(topic, message)
 
@@ -387,6 +405,10 @@ class DrillClient(ListeningNode):
 
         with suppress(NoAnswerError):
             self.wait_until(is_alone, "", _STATUS_PERIOD)
+
+
+def _reached(response: Any) -> float:
+    return join_seconds(response.time.sec, response.time.nanosec) / SECOND
 
 
 # Arguments as fields of messages; the drill itself checks their ranges.

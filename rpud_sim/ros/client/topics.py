@@ -114,6 +114,7 @@ class TopicListener(FollowedTopic):
     ) -> None:
         self._listening = listening
         self.messages: list[Any] = []  # that have come and were not taken
+        self.number = 0  # of the latest message, by its publisher
         name = absolute_name(listening.node, topic)
         patience = listening.patience if patience is None else patience
         kind = kind or _find_type(listening, name, patience)
@@ -144,7 +145,8 @@ class TopicListener(FollowedTopic):
     def _on_message(self, message: Any, info: dict[str, Any]) -> None:
         self.received_at = time.monotonic()
         self.messages.append(message)
-        self.gaps.record(info["publication_sequence_number"])
+        self.number = info["publication_sequence_number"] or 0
+        self.gaps.record(self.number or None)
 
 
 def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:

@@ -29,7 +29,8 @@ def take_turn(session: Session) -> float:
         session.act()
         session.report_if_due()
         return session.publish_clock_at_standstill()
-    until = session.block_end
+    session.publishers.look()
+    until = session.next_end
     if timeline.playing and (idle := pacer.idle(until)) > 0.0:
         session.report_if_due()
         session.publish_deferred(until)

@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import members_of, message_class
-from rpud_sim.simulation.batch import Batch
+from rpud_sim.simulation.batch import Batch, rows_of
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic
@@ -58,19 +58,23 @@ class DrillPublishers:
         offered: Mapping[str, DrillTopic] = TOPICS,
     ) -> None:
         self._node = node
-        self.complete = False  # whether topics without a subscriber are published too
+        self.complete = False  # whether topics without a subscriber are published, too
+        self.wanted = frozenset[str]()  # topics to publish
+        self.followed = False  # whether some topics of the telemetry are among them
+        self.sets_pace = False  # whether ``/clock`` has a subscriber
         self.dropped = 0  # messages that the middleware did not accept
         # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
         self._published = Counter[str]()
         self._deferred: deque[Stream] = deque()  # messages without a deadline, not published yet
-        self._wanted = set[str]()  # topics that have had a subscriber
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
         # Of the topics that a simulation has, and of the others.
         self.own = AcknowledgedPublishers(_LONGEST_WAIT)
         self._others = AcknowledgedPublishers(_LONGEST_WAIT)
         self.journal = JournalStore()
         self._encoders: dict[str, Encoder] = {}
+        self._telemetry = frozenset(name for name, topic in offered.items() if not topic.latched)
+        self._latched = frozenset({*offered, *OF_NODE} - self._telemetry)
         others = {**OF_NODE, **({"/clock": CLOCK} if publish_clock else {})}
         for publishers, topics in (self.own, offered), (self._others, others):
             for name, topic in topics.items():
@@ -80,23 +84,34 @@ class DrillPublishers:
                 added = publishers.add(name, publisher, topic.depth if topic.complete else math.inf)
                 if name == "journal":
                     added.send = partial(self._send_entry, added.send)
+        self.look()
 
     @property
     def published(self) -> Mapping[str, int]:
         """Messages of each topic since its publisher exists, as the middleware numbers them."""
         return {name: self._published[name] for name in self.own}
 
-    def wanted(self, topic: str) -> bool:
-        """Return whether to publish a topic: it has had a subscriber, or all are complete."""
-        if topic not in self._wanted and self.own[topic].publisher.get_subscription_count():
-            self._wanted.add(topic)
-        return self.complete or topic in self._wanted
+    def look(self) -> None:
+        """Find the topics that have a subscriber, which are those to publish.
+
+        A latched topic is published in any case: a later subscriber gets its last messages.
+        """
+        own = self.own
+        followed = {
+            name
+            for name in self._telemetry
+            if self.complete or own[name].publisher.get_subscription_count()
+        }
+        self.wanted = self._latched | followed
+        self.followed = bool(followed)
+        clock = self._others.get("/clock")
+        self.sets_pace = clock is not None and bool(clock.publisher.get_subscription_count())
 
     def encode(self, batches: Iterable[Batch]) -> list[Encoded]:
+        """Serialize messages, in their order, of topics that are wanted."""
+        wanted = (batch for batch in batches if batch.topic in self.wanted)
         return [
-            (batch.topic, self._encoders[batch.topic].encode(batch.row(number)))
-            for batch in batches
-            for number in range(len(batch))
+            (topic, self._encoders[topic].encode(fields)) for _, topic, fields in rows_of(wanted)
         ]
 
     def publish(self, batches: Iterable[Batch]) -> None:

@@ -130,6 +130,8 @@ class DrillServices:
         return response
 
     def _get_journal(self, request: GetJournal.Request, response: Any) -> Any:
+        with contextlib.suppress(StoppedError):  # then nothing waits to be published
+            self._loop.request(Session.publish_changes)
         if (session := self._loop.session) is not None:
             journal = session.publishers.journal
             entries = journal.read(request.first)
@@ -239,15 +241,19 @@ class DrillServices:
         reached: Reached = self._loop.request(begin)
         return reached
 
-    def _advance(self, response: Any, until_of: Callable[[Session], int]) -> None:
+    def _advance(self, request: Any, response: Any, until_of: Callable[[Session], int]) -> None:
         reached = self.step_until(until_of)
         response.time = nanoseconds_to_time(reached.stamp)
         response.topics = list(reached.published)
         response.published = list(reached.published.values())
+        filled(response.status, reached.status)
+        if request.entries_from and (session := self._loop.session) is not None:
+            entries = session.publishers.journal.read(request.entries_from)
+            response.entries = [deserialize_message(data, JournalEntry) for _, data in entries]
 
     def _step(self, request: StepSimulation.Request, response: Any) -> None:
         length = join_seconds(request.duration.sec, request.duration.nanosec)
-        self._advance(response, lambda session: session.run.time + length)
+        self._advance(request, response, lambda session: session.run.time + length)
 
     def _run_to(self, request: RunToTime.Request, response: Any) -> None:
         stamp = join_seconds(request.time.sec, request.time.nanosec)
@@ -260,7 +266,7 @@ class DrillServices:
                 )
             return stamp - session.run.origin
 
-        self._advance(response, until)
+        self._advance(request, response, until)
 
     def _reset(self, request: ResetSimulation.Request, response: Any) -> None:
         self.reset(int(request.scope), int(request.seed) if request.reseed else None)

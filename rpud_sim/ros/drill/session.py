@@ -19,7 +19,7 @@ from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.publishers import DrillPublishers, Encoded
 from rpud_sim.ros.drill.timeline import Reached, Timeline
 from rpud_sim.ros.threads import schedule_thread
-from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, Journal, Plan, Start
@@ -28,6 +28,7 @@ from rpud_sim.simulation.topics import offered_topics
 
 _PART = 0.0002  # that a part of the work without a deadline takes [s]
 _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
+_STEP_PART = SECOND // 10  # of a step with subscribers: commands act between two parts [ns]
 
 
 class Session:
@@ -89,10 +90,20 @@ class Session:
         return self.run.time >= self._end
 
     @property
-    def block_end(self) -> int:
-        """Simulation time at which the present block ends [ns]: a boundary, a change or a goal."""
-        run = self.run
-        return min(run.next_boundary, run.next_change, self.timeline.goal or NEVER)
+    def next_end(self) -> int:
+        """Simulation time up to which to advance next [ns]: the end of a block.
+
+        In a step it is that of many blocks, as far as nothing has to happen between: a status, a
+        loss of commands, a planned change, or a tick of ``/clock``.
+        """
+        run, goal, rate = self.run, self.timeline.goal, self._first_settings.telemetry_rate
+        end = run.next_boundary
+        if goal is not None and not self.publishers.sets_pace:
+            part = _STEP_PART if self.publishers.followed else SECOND
+            full_second = (run.time // SECOND + 1) * SECOND
+            limit = min(run.time + part, full_second, run.next_watch, goal)
+            end = max(end, boundary(boundaries_until(limit, rate), rate))
+        return min(end, run.next_change, NEVER if goal is None else goal)
 
     def announce(self) -> None:
         """Publish status and diagnostics before the beginning."""
@@ -155,8 +166,9 @@ class Session:
 
     def advance(self, until: int) -> tuple[list[Encoded], list[int]]:
         """Compute the block up to a time [ns]; return its messages, and the times of impacts."""
-        planned = self.run.next_change
-        batches = list(self.run.advance_to(until, self.publishers.defer))
+        planned, stepping = self.run.next_change, self.timeline.goal is not None
+        # Without deadlines there is no better time for what may be deferred.
+        batches = list(self.run.advance_to(until, None if stepping else self.publishers.defer))
         self._unreported |= self.run.next_change != planned
         # Without deadlines its subscribers set the pace.
         self.publishers.patient = not self.timeline.pacer.paces
@@ -183,7 +195,8 @@ class Session:
         lost, self._lost = self._lost, control.commands_lost
         if commands or lost is not self._lost or self.reporter.refused_more():
             self._unreported = True
-            self.publishers.publish(self.run.changes())
+            if not self.timeline.standing:
+                self.publish_changes()
         for refusal in self.run.simulation.drain_refusals():
             self._logger.warning(refusal)
 
@@ -211,17 +224,27 @@ class Session:
         if reached:
             timeline.goal = None
         if due or reached:
-            self.report()
+            self.report(waits=timeline.standing and not reached)
         if reached:
-            timeline.reach(Reached(self.stamp, self.publishers.published))
+            status = self.reporter.last.status if self.reporter.last is not None else {}
+            timeline.reach(Reached(self.stamp, self.publishers.published, status))
 
-    def report(self, state: str = "") -> None:
-        """Publish changes and the status, in the present state or another one."""
+    def report(self, state: str = "", *, waits: bool = False) -> None:
+        """Publish changes and the status, in the present state or another one.
+
+        With ``waits`` the journal's entries are not published yet: at a standstill more commands
+        may come for the same time, and their order shall not depend on which arrives first.
+        """
         self._unreported = False
-        self.publishers.publish(self.run.changes())
+        if not waits:
+            self.publish_changes()
         self.reporter.report(state or self.state, self.run, self.timeline.pacer)
         if state or not self.timeline.pacer.ahead:
             self.reporter.publish_diagnostics()
+
+    def publish_changes(self) -> None:
+        """Publish the journal's entries so far, and faults that have changed."""
+        self.publishers.publish(self.run.changes())
 
     # What services and parameters do.
 
@@ -307,7 +330,7 @@ class Session:
         return Run(
             start.plan if start else Plan(Beginning.drawn(settings, seed)),
             self._journal,
-            lambda topic: not self._computing and self.publishers.wanted(topic),
+            lambda topic: not self._computing and topic in self.publishers.wanted,
             active=active,
             on_block=self._count,
             refused=self._refuse,

@@ -1,0 +1,222 @@
+"""What the drill of a test publishes, computed in this process from the drill's journal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from rpud_msgs.msg import JournalEntry as EntryMessage
+from rpud_msgs.msg import Status
+
+from rpud_sim.bag.batches import SerializedBatch
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.recorded.offline_bag import encoded
+from rpud_sim.recorded.streams import stamps_of
+from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.changes import Change, action_of
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.plan import JournalEntry, Plan
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
+from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.errors import DrillError, is_verdict
+
+__tracebackhide__ = is_verdict
+_codec = cache(installed_codec)
+# Fields of a status that the journal does not determine.
+_OWN = {*vars(Bookkeeping()), "state", "journal_entries"}
+
+
+class ComputedTopic:
+    """Messages of a topic of the drill in order, computed when they are asked for.
+
+    ``compute`` gives the serialized messages so far.
+    """
+
+    lost = 0  # messages
+    stamped = True  # whether the messages have stamps
+
+    def __init__(self, name: str, topic: str, compute: Callable[[], list[SerializedBatch]]) -> None:
+        self.name = name  # absolute
+        self.kind = message_class(TOPICS[topic].type)  # class of the messages
+        self.latched = TOPICS[topic].latched  # whether a late subscriber gets the last ones
+        self._compute = compute
+        self._messages: list[Any] = []  # the first ones
+
+    def __len__(self) -> int:
+        return sum(map(len, self.batches))
+
+    @property
+    def batches(self) -> list[SerializedBatch]:
+        return self._compute()
+
+    @property
+    def stamps(self) -> list[int]:
+        """Stamp of each message [ns]."""
+        return [stamp for batch in self.batches for stamp in stamps_of(batch).tolist()]
+
+    @property
+    def payloads(self) -> list[bytes]:
+        """Serialized messages."""
+        return [batch.message(number) for batch in self.batches for number in range(len(batch))]
+
+    def messages(self) -> list[Any]:
+        known = len(self._messages)
+        for batch in self.batches:
+            for number in range(min(known, len(batch)), len(batch)):
+                self._messages.append(deserialize_message(batch.message(number), self.kind))
+            known = max(0, known - len(batch))
+        return list(self._messages)
+
+    def latest(self) -> Any:
+        """Return the latest message, None without one."""
+        batches = self.batches
+        if not batches:
+            return None
+        return deserialize_message(batches[-1].message(len(batches[-1]) - 1), self.kind)
+
+
+class ComputedDrill:
+    """Run of the drill since its latest reset, as far as its journal and its time are known.
+
+    ``refresh`` gives the entries of the journal that are not known yet.
+    """
+
+    def __init__(
+        self,
+        resolve: Callable[[str], str],
+        refresh: Callable[[], Iterable[EntryMessage]],
+    ) -> None:
+        self.count = 0  # entries of the journal that are known, since the drill's start
+        self.topics: Mapping[str, ComputedTopic] = {}  # by absolute name
+        self._resolve = resolve
+        self._refresh = refresh
+        self._entries: list[JournalEntry] = []
+        self._published: list[EntryMessage] = []  # of the entries
+        self._origin = 0  # stamp of simulation time zero [ns]
+        self._time = 0  # simulation time that the drill has reached [ns]
+        self._status: Status | None = None  # at this time, to be compared
+        self._run: Run | None = None
+        self._scheduled = 0  # entries that the run has
+        self._batches: dict[str, list[SerializedBatch]] = {}  # by topic; those that are computed
+
+    def add(self, entries: Iterable[EntryMessage]) -> None:
+        """Add the next entries of the journal; one that begins a run forgets all before."""
+        for entry in entries:
+            if entry.sequence != self.count:
+                continue  # it is known already
+            self.count += 1
+            content = json.loads(entry.content)
+            if entry.kind == "begin":
+                self._begin(content["parameters"])
+            elif entry.kind == "origin":
+                self._origin = int(content["origin"])
+            self._published.append(entry)
+            time = int(content.pop("time"))
+            self._entries.append(JournalEntry(int(entry.sequence), time, entry.kind, content))
+
+    def refresh(self) -> None:
+        """Take what is new in the journal."""
+        self.add(self._refresh())
+
+    def reach(self, stamp: int, status: Status) -> None:
+        """Set the stamp that the drill has reached [ns], and the status that it had there.
+
+        The status shows whether the drill computes the same bits as this process.
+        """
+        self._time, self._status = stamp - self._origin, status
+
+    def _begin(self, parameters: Mapping[str, Any]) -> None:
+        self._entries.clear()
+        self._published.clear()
+        self._batches.clear()
+        self._time, self._status, self._run, self._scheduled = 0, None, None, 0
+        names = {name for name in offered_topics(parameters) if name in PROVED} | {"journal"}
+        self.topics = {
+            self._resolve(name): ComputedTopic(
+                self._resolve(name), name, partial(self._compute, name)
+            )
+            for name in sorted(names)
+        }
+
+    def _compute(self, topic: str) -> list[SerializedBatch]:
+        """Return the messages of a topic up to the present time."""
+        self.refresh()
+        if topic == "journal":
+            return [_serialized(self._resolve(topic), self._published)] if self._published else []
+        self._advance()
+        if topic not in self._batches and self._run is not None:
+            # This topic was not wanted until now: once more, from the beginning.
+            self._batches[topic] = []
+            again = Run(Plan.of(self._entries), None, {topic}.__contains__)
+            self._keep(again, self._run.time, {topic})
+        return self._batches.get(topic, [])
+
+    def _advance(self) -> None:
+        """Bring the run to the present time, with all changes."""
+        if not self._entries:
+            return
+        if self._run is None:
+            wanted = self._batches.__contains__
+            self._run = Run(Plan.of(self._entries[:1]), None, wanted)
+            self._scheduled = 1
+        if self._status is not None:
+            self._carry_out(self._run, int(self._status.journal_entries) - self.count)
+            self._compare(self._run, self._status)
+            self._status = None
+        self._carry_out(self._run, 0)
+
+    def _carry_out(self, run: Run, later: int) -> None:
+        """Advance with all entries but the last ones, whose number is given as less than zero."""
+        end = len(self._entries) + later
+        new = self._entries[self._scheduled : end]
+        run.schedule(*(Change(e.time, action_of(e.kind, e.content)) for e in new))
+        self._scheduled = max(self._scheduled, end)
+        self._keep(run, self._time, self._batches)
+
+    def _keep(self, run: Run, until: int, topics: Iterable[str]) -> None:
+        wanted = {*topics}
+        for batch in run.advance_to(until):
+            if batch.topic in wanted:
+                codec = _codec(TOPICS[batch.topic].type)
+                self._batches[batch.topic].append(encoded(batch, codec, "", 0))
+
+    def _compare(self, run: Run, status: Status) -> None:
+        """Raise a DrillError if the drill's status is not that of the computed run."""
+        for name, value in run.status().fields.items():
+            theirs = getattr(status, name, None)
+            if name in _OWN or name.endswith("_power") or isinstance(value, dict):
+                continue
+            if theirs != value and not (theirs != theirs and value != value):  # NaN is equal, too
+                raise DrillError(
+                    f"the drill computes other values than this process: {name} is {theirs!r} "
+                    f"there and {value!r} here, at {run.time / SECOND:.9g} s of simulation time; "
+                    "the versions or the compiled kernels of the two differ"
+                )
+
+
+def check_equal(computed: ComputedTopic, heard: HeardTopic) -> None:
+    """Raise a DrillError if what was heard of a topic is not, bit for bit, what is computed."""
+    wire = heard.payloads
+    count = min(len(wire), len(computed))  # a latched topic has older ones
+    own = computed.payloads[len(computed) - count :]
+    first = len(wire) - count
+    for ours, theirs, stamp in zip(own, wire[first:], heard.stamps[first:], strict=True):
+        if ours != theirs:
+            raise DrillError(
+                f"a message of {computed.name} at {stamp / SECOND:.9g} s is another one than this "
+                "process computes: the versions or the compiled kernels of the two differ"
+            )
+
+
+def _serialized(name: str, messages: Sequence[EntryMessage]) -> SerializedBatch:
+    payloads = [serialize_message(each) for each in messages]
+    stamps = [join_seconds(e.header.stamp.sec, e.header.stamp.nanosec) for e in messages]
+    times, sizes = np.array(stamps, np.int64), np.array(list(map(len, payloads)), np.int64)
+    data = np.frombuffer(b"".join(payloads), np.uint8)
+    return SerializedBatch(name, times, times, data, np.cumsum(sizes) - sizes, sizes)
