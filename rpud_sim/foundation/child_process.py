@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -135,8 +136,15 @@ class ChildProcess:
 
     def join(self, seconds: float) -> bool:
         """Wait until it has ended, at most for some seconds; return whether it has."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(seconds)
+        if self.running:
+            # Python's own wait polls, up to every 50 ms.
+            descriptor = os.pidfd_open(self.pid)
+            try:
+                poll = select.poll()
+                poll.register(descriptor, select.POLLIN)
+                poll.poll(1000.0 * seconds)
+            finally:
+                os.close(descriptor)
         return not self.running
 
 

@@ -77,6 +77,12 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
             # and otherwise at every heartbeat.
             self.wait(self._longest)
 
+    def renew(self) -> None:
+        """Use the whole depth again where subscribers have all messages by now, without a wait."""
+        for publisher in self.values():
+            if publisher.left < publisher.depth / 2 and publisher.acknowledged():
+                publisher.left = publisher.depth
+
     def wait(self, seconds: float) -> list[str]:
         """Wait until reliable subscribers have all messages; return topics where some lack."""
         deadline = time.monotonic() + seconds

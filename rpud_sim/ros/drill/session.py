@@ -256,6 +256,7 @@ class Session:
     def step(self, goal: int) -> Future[Reached]:
         """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError."""
         self.timeline.check_step(self.run.time, goal)
+        self.publishers.own.renew()
         self.act()  # commands were given before
         if self._unreported:
             self.report()
