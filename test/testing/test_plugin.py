@@ -115,3 +115,37 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
         "rpud_bag": str(folder / "bag"),
         "rpud_report": str(folder / "report.html"),
     }
+
+
+def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(pytester):
+    pytester.makepyfile("""
+        import pytest
+        from rpud_sim.ros.client import RefusedError
+        from rpud_sim.verdicts import always, signal
+
+        def test_nothing(drill, drill_factory):
+            drill.step(0.1)
+            drill.press(20.0)
+
+        def test_a_status(drill):
+            drill.step(0.1)
+            assert drill.status.impacts
+
+        def test_an_error(drill):
+            with pytest.raises(RefusedError):
+                drill.press(-1.0)
+
+        def test_an_expectation(drill):
+            drill.step(0.1)
+            drill.expect(always(signal("reacting_force.force") < "1 kN"))
+
+        def test_a_failure(drill):
+            drill.step(0.1)
+            assert False
+    """)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--rpud-artefacts=")
+    result.assert_outcomes(passed=4, failed=1, warnings=1)
+    result.stdout.fnmatch_lines(["*test_nothing", "*Warning: this test has a drill and no expect*"])
+    strict = ("-Werror::pytest.PytestWarning", "-k", "test_nothing")
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--rpud-artefacts=", *strict)
+    result.assert_outcomes(failed=1)
