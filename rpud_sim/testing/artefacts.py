@@ -76,6 +76,7 @@ def leave_artefacts(
             pages.submit(_write_page, bag, page)
             properties += [("rpud_bag", str(bag)), ("rpud_report", str(page))]
             lines += [f"bag: {bag}", f"report: {page}"]
+        lines += filter(None, [drill.refusals])
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -17,8 +18,10 @@ from rpud_sim.testing.errors import LostMessagesError, is_verdict
 from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
 from rpud_sim.testing.lockstep import Lockstep, described
 from rpud_sim.testing.processes import NO_FAULTS, DrillProcess
+from rpud_sim.testing.refusals import Refusals
 from rpud_sim.testing.systems import SystemUnderTest
 from rpud_sim.verdicts import Formula, Verdict
+from rpud_sim.verdicts.notation import to_text
 
 # Simulation time of one step, and between two answers, unless another one is given [s].
 PERIOD = 0.1
@@ -42,7 +45,8 @@ def _noted(
     def act(drill: Drill, /, *given: _Words.args, **named: _Words.kwargs) -> _Value:
         words = [*map(str, given), *(f"{name}={value}" for name, value in named.items())]
         drill._note(" ".join([command.__name__, *words]))
-        return drill._act(lambda: command(drill.client, *given, **named))
+        with drill._errors_observed():
+            return drill._act(lambda: command(drill._client, *given, **named))
 
     return act
 
@@ -59,6 +63,8 @@ class Drill(Lockstep):
     def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
         super().__init__(process)
         self._verdicts = LiveVerdicts(self._collector.node.get_namespace(), self._heard)
+        self._refusals = Refusals(self._client)
+        self.observed = False  # whether the test has looked at anything of the drill
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
         self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
@@ -68,11 +74,13 @@ class Drill(Lockstep):
     @property
     def environment(self) -> dict[str, str]:
         """Environment for a process under test: ROS domain and loopback."""
+        self.observed = True  # perhaps by this process
         return dict(self._process.environment)
 
     @property
     def domain(self) -> int:
         """ROS domain of the drill."""
+        self.observed = True  # perhaps by a node of the test
         return self._process.domain
 
     @property
@@ -83,12 +91,14 @@ class Drill(Lockstep):
     @property
     def client(self) -> DrillClient:
         """Client of the drill, for what this class has no method for."""
+        self.observed = True
         return self._client
 
     @property
     def time(self) -> float:
         """Simulation time that was reached [s]."""
-        return self._collector.time / SECOND
+        self.observed = True
+        return self._now
 
     @property
     def status(self) -> Any:
@@ -103,16 +113,19 @@ class Drill(Lockstep):
     @property
     def output(self) -> str:
         """All that the drill's process has printed."""
+        self.observed = True
         return self._process.process.output
 
     @property
     def systems(self) -> tuple[SystemUnderTest, ...]:
         """Processes under test that this test has started."""
+        self.observed = True
         return tuple(self._systems.processes)
 
     @property
     def heard(self) -> dict[str, HeardTopic | ComputedTopic]:
         """Everything that was published since the test began, by absolute topic."""
+        self.observed = True
         return {**self._collector.topics, **self._computed.topics}
 
     @property
@@ -124,6 +137,12 @@ class Drill(Lockstep):
     def verdict_lines(self) -> list[str]:
         """The same, as one line each."""
         return [verdict_line(verdict) for verdict in self._verdicts.verdicts]
+
+    @property
+    def refusals(self) -> str:
+        """Number of refused commands since time zero and why the last one; empty without any."""
+        self.observed = True
+        return self._refusals.line(self.status.commands_rejected)
 
     # Time.
 
@@ -139,7 +158,7 @@ class Drill(Lockstep):
         else:
             length = round(_SECONDS.check("step", seconds) * SECOND)
             self._step_to(self._collector.time + length)
-        return self.time
+        return self._now
 
     def step_until(self, condition: Callable[[], object] | Formula, timeout: float) -> float:
         """Step until a condition holds, and return the simulation time [s].
@@ -152,23 +171,19 @@ class Drill(Lockstep):
         Raises:
             AssertionError: if it does not hold within the time.
         """
+        self.observed = True
         limit = _SECONDS.check("timeout", timeout)
         begun = self._collector.time
         end = begun + round(limit * SECOND)
-        holds, text = (
-            (self._verdicts.eventually(condition, begun), str(condition))
-            if isinstance(condition, Formula)
-            else (condition, described(condition))
-        )
+        if isinstance(condition, Formula):
+            holds: Callable[[], object] = self._verdicts.eventually(condition, begun)
+        else:
+            holds = condition
         while not holds():
-            now = self._collector.time
-            if now >= end:
-                raise AssertionError(
-                    f"not within {limit:g} s of simulation time, at {self.time:.3f} s: {text}; "
-                    f"{self._summary()}"
-                )
+            if self._collector.time >= end:
+                raise AssertionError(self._never_came(condition, limit))
             self._step_to(min(self._next_stop(), end))
-        return self.time
+        return self._now
 
     def reset(self, seed: int | None = None) -> None:
         """Take the drill back to time zero, as it was started; nodes under test go on.
@@ -180,6 +195,7 @@ class Drill(Lockstep):
         self._reset(seed)
         self.seed = self.seed if seed is None else seed
         self._verdicts.reset()
+        self._refusals.begin()
 
     # Commands, as of ``DrillClient``.
 
@@ -193,7 +209,8 @@ class Drill(Lockstep):
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill; the next test has those of its start again."""
         self._note(f"set {' '.join(f'{name}={value}' for name, value in values.items())}")
-        self._act(lambda: self.client.set_parameters(**values))
+        with self._errors_observed():
+            self._act(lambda: self._client.set_parameters(**values))
 
     # What was published.
 
@@ -238,7 +255,7 @@ class Drill(Lockstep):
         for expectation in given:
             for topic in expectation.topics:
                 self._heard(topic)
-        return self._verdicts.expect(given, self.time)
+        return self._verdicts.expect(given, self._now, lambda: self.refusals)
 
     # Nodes under test.
 
@@ -290,7 +307,8 @@ class Drill(Lockstep):
         """
         self._note(f"start {' '.join(command)}")
         limit = _REAL_SECONDS.check("timeout", timeout)
-        return self._systems.start(command, self.folder, name, hears, ready, limit, self._note)
+        with self._errors_observed():
+            return self._systems.start(command, self.folder, name, hears, ready, limit, self._note)
 
     # For the owner of the drill.
 
@@ -304,7 +322,13 @@ class Drill(Lockstep):
         self.seed = seed
         self._begin(seed, scenario)
         self._verdicts.begin()
+        self._refusals.begin()
         self.log = []
+        self.observed = False
+
+    @property
+    def _now(self) -> float:
+        return self._collector.time / SECOND
 
     def _next_stop(self) -> int:
         if self._answers.period:
@@ -317,9 +341,20 @@ class Drill(Lockstep):
             self.log[-1] = self.log[-1][0], text
         else:
             self._note(text)
-        self._advance(until)
+        with self._errors_observed():
+            self._advance(until)
+
+    @contextlib.contextmanager
+    def _errors_observed(self) -> Iterator[None]:
+        """Count an error that the test may expect as something that it has looked at."""
+        try:
+            yield
+        except BaseException:
+            self.observed = True
+            raise
 
     def _heard(self, topic: str) -> HeardTopic | ComputedTopic:
+        self.observed = True
         heard = self._topic(topic)
         if heard is None:
             hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *self.heard])}"
@@ -329,12 +364,22 @@ class Drill(Lockstep):
         return heard
 
     def _note(self, text: str) -> None:
-        self.log.append((self.time, text))
+        self.log.append((self._now, text))
+
+    def _never_came(self, condition: Callable[[], object] | Formula, limit: float) -> str:
+        """Return what was awaited for some time [s], and what is there, as some lines."""
+        late = f"did not come true within {limit:g} s of simulation time"
+        if isinstance(condition, Formula):
+            values = self._verdicts.latest_values(condition)
+            awaited = ": ".join(filter(None, [f"{to_text(condition)} {late}", values]))
+        else:
+            awaited = f"{described(condition)} {late}"
+        return "\n".join(filter(None, [awaited, self._summary(), self.refusals]))
 
     def _summary(self) -> str:
         status = self.status
         return (
-            f"the drill is {status.state} in the regime {status.regime}, weight on bit "
-            f"{status.weight_on_bit:g} N, drive {'on' if status.drive_enabled else 'off'}, "
-            f"{status.active_faults} faults"
+            f"the drill at {self._now:.3f} s: state {status.state}, regime {status.regime}, "
+            f"weight on bit {status.weight_on_bit:g} N, "
+            f"drive {'on' if status.drive_enabled else 'off'}, {status.active_faults} faults"
         )

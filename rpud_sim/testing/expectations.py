@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import yaml
-
+from rpud_sim.foundation.quantities import shown
 from rpud_sim.testing.collector import HeardTopic
 from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.errors import ExpectationFailedError, is_verdict
@@ -20,8 +19,9 @@ from rpud_sim.verdicts import (
     read_expectations,
 )
 from rpud_sim.verdicts.formulas import Eventually
-from rpud_sim.verdicts.notation import to_plain
+from rpud_sim.verdicts.notation import to_text
 from rpud_sim.verdicts.units import Window
+from rpud_sim.verdicts.verdict import latest_values
 
 Expectable = Expectation | Formula | str | Path
 __tracebackhide__ = is_verdict
@@ -55,34 +55,45 @@ class LiveVerdicts:
             if isinstance(each, Expectation):
                 found.append(each)
             elif isinstance(each, Formula):
-                found.append(Expectation(name or _written(each), each, requirement))
+                found.append(Expectation(name or to_text(each), each, requirement))
             elif isinstance(each, str | Path):
                 found += read_expectations((folder or Path()) / each)
             else:
-                raise ExpectationError(f"{each!r} is neither an expectation, nor a file of some")
+                raise ExpectationError(
+                    f"{shown(each)} is neither an expectation, nor a file of some"
+                )
         return found
 
-    def expect(self, expectations: Sequence[Expectation], time: float) -> tuple[Verdict, ...]:
-        """Evaluate expectations, at a simulation time [s], and return the verdicts."""
+    def expect(
+        self, expectations: Sequence[Expectation], time: float, refusals: Callable[[], str]
+    ) -> tuple[Verdict, ...]:
+        """Evaluate expectations, at a simulation time [s], and return the verdicts.
+
+        ``refusals`` returns a line about refused commands for an error, empty without any.
+        """
         record = self._filled(expectations)
         verdicts = tuple(evaluate(expectation, record) for expectation in expectations)
         self.verdicts += verdicts
         failed = [verdict for verdict in verdicts if not verdict.passed]
         if failed:
             lines = [verdict_line(verdict) for verdict in failed]
-            raise ExpectationFailedError(
-                "\n".join([f"{lines[0]} (evaluated at {time:.3f} s)", *lines[1:]]), verdicts
-            )
+            lines[0] += f" (evaluated at {time:.3f} s)"
+            raise ExpectationFailedError("\n".join(filter(None, [*lines, refusals()])), verdicts)
         return verdicts
 
     def eventually(self, formula: Formula, begun: int) -> Callable[[], bool]:
         """Return whether a formula has held at some instant since a simulation time [ns]."""
-        expectation = Expectation(str(formula), Eventually(formula, Window(begun)))
+        expectation = Expectation(to_text(formula), Eventually(formula, Window(begun)))
 
         def holds() -> bool:
             return evaluate(expectation, self._filled([expectation])).passed
 
         return holds
+
+    def latest_values(self, formula: Formula) -> str:
+        """Return the latest values of the signals of a formula that does not hold."""
+        expectation = Expectation(to_text(formula), formula)
+        return latest_values(expectation, self._filled([expectation]))
 
     def _filled(self, expectations: Sequence[Expectation]) -> Record:
         for topic in sorted({topic for each in expectations for topic in each.topics}):
@@ -106,16 +117,9 @@ class LiveVerdicts:
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """Return a verdict as one line."""
+    """Return a verdict as one line; a failed one has values in its text in place of a margin."""
     requirement = f"[{verdict.requirement}] " if verdict.requirement else ""
-    margin = (
-        "" if verdict.margin is None else f", margin {verdict.margin:.6g} {verdict.unit}".rstrip()
-    )
+    margin = ""
+    if verdict.passed and verdict.margin is not None:
+        margin = f", margin {verdict.margin:.6g} {verdict.unit}".rstrip()
     return f"{requirement}{verdict.name}: {verdict.outcome}{margin}: {verdict.text}"
-
-
-def _written(formula: Formula) -> str:
-    plain = to_plain(formula)
-    if isinstance(plain, str):
-        return plain
-    return str(yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=10**6)).strip()

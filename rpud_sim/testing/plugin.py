@@ -26,6 +26,11 @@ _MARK = (
     "test: a ROS parameter file, faults that begin by themselves, a seed, and parameters by name."
 )
 
+_UNOBSERVED = (
+    "this test has a drill and no expectation: it passes whatever the drill does. Call "
+    "drill.expect or drill.step_until, or look at drill.status or drill.messages"
+)
+
 # Phase of a test that ends undecided: failed in any but ``call``, a report is an error.
 _VERDICT: Any = "verdict"
 
@@ -73,6 +78,16 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     # A worker of xdist could not say it: there the test itself fails, before its drill starts.
     if errors and not hasattr(session.config, "workerinput"):
         raise pytest.UsageError(*errors)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Warn of a test that has passed, and whose drills might have done anything."""
+    result = yield
+    drills = item.stash.get(DRILLS, [])
+    if drills and not any(drill.observed for drill in drills):
+        item.warn(pytest.PytestWarning(_UNOBSERVED))
+    return result
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,9 @@ from rpud_sim.verdicts.names import PERIODIC, PERIODIC_HOLD, TYPES, check_use, t
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import (
     FALSE,
+    LEAST_MARGIN,
     LEAST_TRUTH,
+    MOST_MARGIN,
     MOST_TRUTH,
     TRUE,
     UNKNOWN,
@@ -38,6 +40,8 @@ from rpud_sim.verdicts.steps import (
 )
 from rpud_sim.verdicts.units import Number, Window
 
+_Bounds = tuple[np.ndarray, np.ndarray, np.ndarray]  # times [ns], least and greatest values
+
 
 class _Instants(NamedTuple):
     """Instants of an event, one for each time that it happens."""
@@ -56,7 +60,7 @@ class Evaluation:
     def __init__(self, record: Record, begin: int, end: int, zero: int) -> None:
         self.begin = begin
         self.end = end
-        self._record = record
+        self.record = record
         self._zero = zero
         self._found: dict[tuple[f.Formula, bool], Steps] = {}
 
@@ -96,45 +100,13 @@ class Evaluation:
                 return self._quantile(formula, once)
         raise TypeError(f"{formula!r} has no meaning")
 
-    def decided(self, formula: f.Formula, time: int, held: bool) -> int:
-        """Return the instant at which it shows that it holds at a time, or does not [ns]."""
-        match formula:
-            case f.Not(inner):
-                return self.decided(inner, time, not held)
-            case f.And(parts) | f.Or(parts):
-                once = time == self.begin
-                shown = [each for each in parts if self.steps(each, once).shows(time, held)]
-                times = [self.decided(each, time, held) for each in shown]
-                return (max if held is (type(formula) is f.And) else min)(times, default=time)
-            case f.Implies(condition, then):
-                return self.decided(f.Or((f.Not(condition), then)), time, held)
-            case f.Always(inner, window) | f.Eventually(inner, window):
-                last = window.last(time, self.end)
-                if held is (type(formula) is f.Always):
-                    return last
-                return self._shown(inner, time + window.start, last, held)
-            case f.Until(inner, goal, window):
-                last = window.last(time, self.end)
-                if held:
-                    return self._shown(goal, time + window.start, last, held)
-                return self._shown(inner, time, last, held)
-            case f.After(trigger, then):
-                instants = [] if held else self.trigger(trigger).sure(time)
-                broken = (each for each in instants if self.steps(then).shows(each, False))
-                instant = next(broken, None)
-                return self.end if instant is None else self.decided(then, instant, False)
-            case f.Count(window=window) | f.Quantile(window=window):
-                return window.last(time, self.end)
-        return time
+    def seconds(self, time: int) -> float:
+        """Return an instant [ns] as simulation time [s]."""
+        return (time - self._zero) / SECOND
 
     def trigger(self, formula: f.Formula) -> Steps:
         """Return the instants of the event for which a trigger stands."""
-        return self.steps(formula if isinstance(formula, f.Event) else f.Becomes(formula))
-
-    def _shown(self, formula: f.Formula, begin: int, last: int, held: bool) -> int:
-        """Return when it shows that a formula holds first in a span, or does not; or its end."""
-        found = self.steps(formula).first(begin, last, held)
-        return last if found is None else self.decided(formula, found, held)
+        return self.steps(event_of(formula))
 
     def _constant(self, value: np.ndarray, absent: bool = False) -> Steps:
         starts = np.array([self.begin, self.end + 1], np.int64)
@@ -166,7 +138,7 @@ class Evaluation:
         topic = part.signal.topic
         hold = PERIODIC_HOLD if topic in PERIODIC else NEVER
         samples = self._samples(part)
-        lost = self._record.lost(topic) > 0
+        lost = self.record.lost(topic) > 0
         if not len(samples.stamps):
             return self._constant(UNKNOWN, absent=not lost)
         stamps, values, gaps = samples.one_a_stamp(self._judged(part, samples))
@@ -189,9 +161,9 @@ class Evaluation:
 
     def _samples(self, part: f.SignalFormula) -> FieldSamples:
         """Return the messages' values of the signal of a formula, all within the recording."""
-        topic, field = part.signal.topic, self._record.field(part.signal)
+        topic, field = part.signal.topic, self.record.field(part.signal)
         check_use(part, field)
-        samples = self._record.messages(topic).samples(part.signal.field, field)
+        samples = self.record.messages(topic).samples(part.signal.field, field)
         values = samples.values
         if not isinstance(part, f.Says):
             if field is not None and field.column.kind is Kind.TIME:
@@ -215,11 +187,12 @@ class Evaluation:
         if isinstance(part, f.Says):
             same = np.array([value == part.word for value in samples.values.tolist()], bool)
             return np.where(same, TRUE[:, None], FALSE[:, None])
-        number, tolerance = (self._threshold(n, part.signal) for n in (part.number, part.tolerance))
+        number, tolerance = (self.threshold(n, part.signal) for n in (part.number, part.tolerance))
         return compared(*bounds(samples.values), part.operator, number, tolerance)
 
-    def _threshold(self, number: Number, signal: f.Signal) -> float:
-        return threshold(number, self._record.field(signal), signal)
+    def threshold(self, number: Number, signal: f.Signal) -> float:
+        """Return a number in the unit of a signal."""
+        return threshold(number, self.record.field(signal), signal)
 
     def _active(self, part: f.Active) -> Steps:
         faults = self._faults(part)
@@ -234,8 +207,8 @@ class Evaluation:
 
     def _faults(self, part: f.Active | f.Onset | f.Cleared) -> list[tuple[int, int]] | None:
         """Return onset and clearing of each fault of a name [ns]; None if they are not known."""
-        messages = self._record.messages("faults")
-        if not len(messages) or self._record.lost("faults"):
+        messages = self.record.messages("faults")
+        if not len(messages) or self.record.lost("faults"):
             return None
         onsets: dict[int, int] = {}
         clears: dict[int, int] = {}
@@ -277,7 +250,7 @@ class Evaluation:
             stamps = np.sort(times[(times >= self.begin) & (times <= self.end)])
             return _Instants(stamps, columns(TRUE, len(stamps)))
         if isinstance(event, f.Published):
-            stamps = self._record.messages(event.topic).stamps
+            stamps = self.record.messages(event.topic).stamps
             values = columns(TRUE, len(stamps))
             if event.where is not None and len(stamps):
                 samples = self._samples(event.where)
@@ -285,7 +258,7 @@ class Evaluation:
             inside = (stamps >= self.begin) & (stamps <= self.end)
             if not inside.any():
                 return None
-            missing = self._record.missing(event.topic)
+            missing = self.record.missing(event.topic)
             return _Instants(stamps[inside], values[:, inside], missing)
         steps = self.steps(event)
         if steps.absent[:-1].all():
@@ -301,11 +274,53 @@ class Evaluation:
             last=steps.starts[open_ + 1] - 1,
         )
 
+    def measured(self, part: f.Formula, time: int) -> tuple[Any, Any] | None:
+        """Return the bounds of what a formula compares at a time; None if it is not known.
+
+        It is a value of a signal, a number of events or a quantile.
+        """
+        match part:
+            case f.Count():
+                found = self._counted(part)
+            case f.Quantile():
+                found = self._quantiles(part, once=False)
+            case f.Compare() | f.Says():
+                found = self._values(part, time)
+            case _:
+                return None
+        if found is None:
+            return None
+        times, low, high = found
+        number = int(np.searchsorted(times, time, side="right")) - 1
+        return None if number < 0 else (low[number], high[number])
+
+    def _values(self, part: f.Compare | f.Says, time: int) -> _Bounds | None:
+        """Return the bounds of the values of a signal; None if its value at a time is unknown."""
+        steps = self.steps(part)
+        number = steps.at(np.array([time]))[0]
+        if steps.absent[number] or (steps.values[:, number] == UNKNOWN).all():
+            return None
+        samples = self._samples(part)
+        if isinstance(part, f.Says):
+            return samples.stamps, samples.values, samples.values
+        low, high = bounds(samples.values)
+        stamps, rows, _ = samples.one_a_stamp(np.array([low, high, low, high]))
+        return stamps, rows[LEAST_MARGIN], rows[MOST_MARGIN]
+
     def _count(self, formula: f.Count) -> Steps:
+        found = self._counted(formula)
+        if found is None:
+            return self._constant(UNKNOWN, absent=True)
+        times, least, most = found
+        values = compared(least, most, formula.operator, formula.number)
+        return Steps(times, values, np.zeros(len(times), bool)).merged()
+
+    def _counted(self, formula: f.Count) -> _Bounds | None:
+        """Return the bounds of the number of events; None if nothing is known of them."""
         end, window = self.end, formula.window
         instants = self._instants(formula.event)
         if instants is None:
-            return self._constant(UNKNOWN, absent=True)
+            return None
         sure = instants.stamps[instants.values[LEAST_TRUTH] > 0.0]
         maybe = instants.stamps[instants.values[MOST_TRUTH] > 0.0]
         edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
@@ -316,8 +331,7 @@ class Evaluation:
         touched = shared(instants.first, instants.last, first, last) > 0.0
         most[last < first], touched[last < first] = 0.0, False
         most[beyond | touched] = math.inf
-        values = compared(least, most, formula.operator, formula.number)
-        return Steps(times, values, np.zeros(len(times), bool)).merged()
+        return times, least, most
 
     def _times(self, stamps: np.ndarray, window: Window) -> np.ndarray:
         """Return the instants at which the window of a formula gains or loses a stamp."""
@@ -331,12 +345,23 @@ class Evaluation:
         return times[(times >= self.begin) & (times <= after)]
 
     def _quantile(self, formula: f.Quantile, once: bool) -> Steps:
+        found = self._quantiles(formula, once)
+        if found is None:
+            missing = self.record.missing(formula.signal.topic)
+            return self._constant(UNKNOWN, absent=not missing.total)
+        times, low, high = found
+        threshold = self.threshold(formula.number, formula.signal)
+        judged = compared(low, high, formula.operator, threshold)
+        return Steps(times, judged, np.zeros(len(times), bool)).merged()
+
+    def _quantiles(self, formula: f.Quantile, once: bool) -> _Bounds | None:
+        """Return the bounds of the quantile; None without a message."""
         samples = self._samples(formula)
         inside = samples.stamps >= self.begin
         stamps, values = samples.stamps[inside], samples.values[inside]
-        missing = self._record.missing(formula.signal.topic)
+        missing = self.record.missing(formula.signal.topic)
         if not len(stamps):
-            return self._constant(UNKNOWN, absent=not missing.total)
+            return None
         times = self._times(stamps, formula.window)
         if once:
             times = np.array([self.begin, self.end + 1])
@@ -355,6 +380,9 @@ class Evaluation:
                 low[number] = lowest(begin, stop)[place - lost]
             if place < stop - begin:
                 high[number] = highest(begin, stop)[place]
-        threshold = self._threshold(formula.number, formula.signal)
-        judged = compared(low, high, formula.operator, threshold)
-        return Steps(times, judged, np.zeros(len(times), bool)).merged()
+        return times, low, high
+
+
+def event_of(trigger: f.Formula) -> f.Event:
+    """Return the event for which a trigger stands."""
+    return trigger if isinstance(trigger, f.Event) else f.Becomes(trigger)

@@ -65,6 +65,9 @@ class Signal:
     def __str__(self) -> str:
         return f"{self.topic}.{self.field}"
 
+    def __repr__(self) -> str:
+        return f"signal({str(self)!r})"
+
     def __lt__(self, value: str | float) -> Compare:
         return self.compare("<", value)
 

@@ -237,6 +237,22 @@ def _operator(text: str) -> str:
     return "==" if text == "=" else text
 
 
+def to_text(formula: f.Formula) -> str:
+    """Return a formula as one line with the words of a file, as ``always(status.lag < 1 s)``."""
+    return _line(to_plain(formula))
+
+
+def _line(plain: Any) -> str:
+    if isinstance(plain, list):  # of formulas
+        return ", ".join(map(_line, plain))
+    if not isinstance(plain, dict):
+        return str(plain)
+    word, *others = plain
+    spans = {key: " and ".join(plain[key]) for key in others if key == "between"}
+    rest = [f"{key} {spans.get(key) or _line(plain[key])}" for key in others]
+    return f"{word}({', '.join([_line(plain[word]), *rest])})"
+
+
 def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
     if isinstance(formula, (f.Compare, f.Says)):

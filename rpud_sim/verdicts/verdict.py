@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.verdicts.decisions import Decision, decide
 from rpud_sim.verdicts.evaluation import Evaluation
 from rpud_sim.verdicts.formulas import (
     After,
@@ -19,14 +20,13 @@ from rpud_sim.verdicts.formulas import (
     Eventually,
     Formula,
     Quantile,
-    Says,
     Until,
 )
 from rpud_sim.verdicts.names import Expectation
-from rpud_sim.verdicts.notation import to_plain
+from rpud_sim.verdicts.notation import to_text
+from rpud_sim.verdicts.reasons import described, unit_of, why_undecided
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH
-from rpud_sim.verdicts.units import WHOLE, unit_factor
 
 PASSED, FAILED, UNDECIDED = "passed", "failed", "undecided"
 OUTCOMES = (PASSED, FAILED, UNDECIDED)
@@ -71,16 +71,16 @@ def evaluate(expectation: Expectation, record: Record) -> Verdict:
     if span is None:
         return Verdict(*about, UNDECIDED, text=missing or "the record has no message")
     begin, end = span
-    zero = record.zero(expectation.topics)
-    evaluation = Evaluation(record, begin, end, zero)
+    evaluation = Evaluation(record, begin, end, record.zero(expectation.topics))
     steps = evaluation.steps(formula, once=True)
     least, most = (float(steps.values[row, 0]) for row in (LEAST_TRUTH, MOST_TRUTH))
     if steps.absent[0] or least < 0.0 < most:
-        text = missing or _why_undecided(expectation, evaluation, record, zero)
+        text = missing or why_undecided(expectation, evaluation)
         return Verdict(*about, UNDECIDED, text=text)
     held = least > 0.0
     margin = float(steps.values[LEAST_MARGIN if held else MOST_MARGIN, 0])
-    at = (evaluation.decided(formula, begin, held) - zero) / SECOND
+    decision = decide(evaluation, formula, begin, held)
+    at = evaluation.seconds(decision.time)
     reaction = _reaction(evaluation, formula)
     units = _units(formula, record) if math.isfinite(margin) else set()
     return Verdict(
@@ -90,35 +90,25 @@ def evaluate(expectation: Expectation, record: Record) -> Verdict:
         MIXED if len(units) > 1 else "".join(units),
         at,
         None if reaction is None else reaction / SECOND,
-        f"{'held' if held else 'broken'} at {at:.9g} s",
+        f"held at {at:.9g} s" if held else _why_failed(expectation, evaluation, decision),
     )
 
 
-def _why_undecided(
-    expectation: Expectation, evaluation: Evaluation, record: Record, zero: int
-) -> str:
-    for topic in expectation.used_topics:
-        lost = record.missing(topic).total
-        if lost:
-            return f"{lost} messages of {topic} are lost"
-    for part in expectation.formula.walk():
-        if isinstance(part, After) and not evaluation.trigger(part.trigger).sure(evaluation.begin):
-            return f"the event of after never came: {to_plain(part.trigger)}"
-    over = f"the record ends at {(evaluation.end - zero) / SECOND:.9g} s, before it is decided"
-    for part in expectation.formula.walk():
-        if isinstance(part, (Compare, Says)) and (gap := _gap(evaluation, part)) is not None:
-            silent = f"{part.signal} has no value at {(gap - zero) / SECOND:.9g} s"
-            windows = [getattr(each, "window", WHOLE) for each in expectation.formula.walk()]
-            return silent if set(windows) == {WHOLE} else f"{silent}, or {over}"
-    return over
+def latest_values(expectation: Expectation, record: Record) -> str:
+    """Return the latest values of the signals of a formula that does not hold, as one line."""
+    span = record.span(expectation.topics)
+    if span is None:
+        return ""
+    evaluation = Evaluation(record, *span, record.zero(expectation.topics))
+    return described(evaluation, decide(evaluation, expectation.formula, span[1], False).reasons)
 
 
-def _gap(evaluation: Evaluation, part: Formula) -> int | None:
-    """Return when a signal was silent for longer than it holds, or not a number [ns]."""
-    steps = evaluation.steps(part)
-    unknown = (steps.values[LEAST_TRUTH] < 0.0) & (steps.values[MOST_TRUTH] > 0.0)
-    found = steps.starts[unknown & ~steps.absent & (steps.starts <= evaluation.end)]
-    return int(found[0]) if len(found) else None
+def _why_failed(expectation: Expectation, evaluation: Evaluation, decision: Decision) -> str:
+    """Return what the signals were, how late it was, and what was required, unless the name is."""
+    at = evaluation.seconds(decision.time)
+    text = described(evaluation, decision.reasons) or f"broken at {at:.9g} s"
+    required = to_text(expectation.formula)
+    return text if expectation.name == required else f"{text}; required: {required}"
 
 
 def _units(formula: Formula, record: Record) -> set[str]:
@@ -126,8 +116,7 @@ def _units(formula: Formula, record: Record) -> set[str]:
     if isinstance(formula, Count):  # its margin is a number, whatever its events are
         return {""}
     if isinstance(formula, (Compare, Quantile)):
-        field = record.field(formula.signal)
-        return {(field.unit if field else "") or unit_factor(formula.number.unit)[1]}
+        return {unit_of(record, formula)}
     return set().union(*(_units(part, record) for part in formula.children()))
 
 

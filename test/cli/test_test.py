@@ -58,7 +58,9 @@ def test_json_and_junit_have_every_verdict(drill_bag, rpud, tmp_path):
     properties = {each.get("name"): each.get("value") for each in light.iter("property")}
     assert properties["requirement"] == "REQ-1"
     assert properties["margin"].endswith(" N")
-    assert heavy.find("failure").get("message").startswith("failed: broken at ")
+    message = heavy.find("failure").get("message")
+    assert message.startswith("failed: reacting_force.force was ")
+    assert message.endswith("; required: always(reacting_force.force > 1 kN)")
     assert "before it is decided" in long.find("error").get("message")
 
 

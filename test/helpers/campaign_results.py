@@ -29,7 +29,7 @@ expectations:
       expect: {{eventually: reacting_force.force >= 0 N}}
 """
 
-FAILURE = (FAILED, -1.5, "N", 4.5, None, "broken at 4.5 s")
+FAILURE = (FAILED, -1.5, "N", 4.5, None, "reacting_force.force was 501.5 N at 4.5 s")
 OPEN = (UNDECIDED, None, "", None, None, "the event of after never came")
 _HELD = (PASSED, 2.0, "N", 3.0, 0.25, "held at 3 s")
 

@@ -10,7 +10,7 @@ from rpud_msgs.msg import Status
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.verify import verify
-from rpud_sim.ros.client import DrillClient
+from rpud_sim.ros.client import DrillClient, RefusedError
 from rpud_sim.testing import ExpectationFailedError, SystemUnderTestError
 from rpud_sim.testing.artefacts import write_bag
 from rpud_sim.testing.setup import drill_setup
@@ -122,7 +122,7 @@ def test_a_command_that_does_not_reach_the_drill_is_told_before_the_first_step(d
 
 def test_the_test_itself_is_not_asked_for_answers(drill):
     supervise(drill, answers="command/weight_on_bit")
-    drill.step(0.2)
+    assert drill.step(0.2) == drill.time
 
 
 def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
@@ -130,12 +130,15 @@ def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
     drill.press(30.0)
     drill.step_until(field("reacting_force.force") > "29 N", timeout=2.0)
     bearable = Expectation("bearable", always(field("reacting_force.force") < "5 N"), "R1")
-    with pytest.raises(ExpectationFailedError, match=r"\[R1\] bearable: failed, margin -\d"):
+    with pytest.raises(
+        ExpectationFailedError, match=r"\[R1\] bearable: failed: reacting_force\.force was "
+    ) as error:
         drill.expect(bearable)
+    assert "refused" not in str(error.value)
     drill.step(0.5)
     [verdict] = drill.expect(always(field("status.weight_on_bit") < "31 N"), requirement="R2")
     assert verdict.passed
-    assert verdict.name == "{always: status.weight_on_bit < 31 N}"
+    assert verdict.name == "always(status.weight_on_bit < 31 N)"
     assert [each.requirement for each in drill.verdicts] == ["R1", "R2"]
 
     write_bag(tmp_path / "bag", drill)
@@ -175,11 +178,48 @@ def test_wrong_calls_are_refused_in_one_line(drill, action, text):
     with pytest.raises(ParameterError, match=text) as error:
         action(drill)
     assert "\n" not in str(error.value)
+    assert drill.time == 0.0
 
 
-def test_a_condition_that_never_holds_says_where_the_drill_is(drill):
-    with pytest.raises(AssertionError, match=r"at 0\.200 s: the condition of test_drill\.py:\d+"):
+HERE = "the drill at {:.3f} s: state paused, regime drilling, weight on bit 8 N, drive on, 0 faults"
+
+
+def test_what_never_comes_true_is_named_with_the_values_and_the_state_of_the_drill(drill):
+    with pytest.raises(AssertionError) as error:
         drill.step_until(lambda: drill.status.impacts < 0, timeout=0.2)
+    awaited, state = str(error.value).splitlines()
+    assert awaited.startswith("the condition of test_drill.py:")
+    assert awaited.endswith(" did not come true within 0.2 s of simulation time")
+    assert state == HERE.format(0.2)
+    with pytest.raises(AssertionError) as error:
+        drill.step_until(field("status.weight_on_bit") > "20 N", timeout=0.3)
+    assert str(error.value).splitlines() == [
+        "status.weight_on_bit > 20 N did not come true within 0.3 s of simulation time: "
+        "status.weight_on_bit was 8 N at 0.5 s",
+        HERE.format(0.5),
+    ]
+
+
+def test_a_failure_counts_refused_commands_and_has_the_reason_of_the_last(drill):
+    reason = "weight_on_bit = -2 N is outside its range [0, 1000] N"
+    assert drill.refusals == ""
+    for force in (-1.0, -2.0):
+        with pytest.raises(RefusedError):
+            drill.press(force)
+    assert drill.refusals == f"2 commands refused, the last: {reason}"
+    drill.step(0.1)
+    for fail in (
+        lambda: drill.step_until(lambda: False, timeout=0.1),
+        lambda: drill.expect(always(field("reacting_force.force") < "0 N")),
+    ):
+        with pytest.raises(AssertionError) as error:
+            fail()
+        assert str(error.value).splitlines()[-1] == drill.refusals
+    drill.reset()
+    assert drill.refusals == ""
+    with pytest.raises(RefusedError):
+        drill.press(-2.0)
+    assert drill.refusals == f"1 command refused, the last: {reason}"
 
 
 @pytest.mark.rpud(seed=3, faults=[{"kind": "free_mass_jammed", "onset": 0.2}], weight_on_bit=20.0)

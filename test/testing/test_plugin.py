@@ -14,6 +14,7 @@ from frame_reader import decode
 pytest_plugins = ["pytester"]
 
 SUPERVISOR = Path(__file__).parents[1].joinpath("helpers", "supervisor.py").read_text()
+REFUSED = "1 command refused, the last: weight_on_bit = -1 N is outside its range [[]0, 1000] N"
 HEAVY = ("rclpy", "numba", "numpy", "tornado", "rpud_sim.ros", "rpud_sim.simulation")
 
 
@@ -52,10 +53,13 @@ def test_wrong_marks_are_refused_before_anything_starts(pytester):
 def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing(pytester):
     pytester.makefile(".py", supervisor=SUPERVISOR)
     pytester.makepyfile("""
+        import pytest
+        from rpud_sim.ros.client import RefusedError
         from rpud_sim.verdicts import always, eventually, signal
 
         def test_passes(drill):
             drill.step(0.1)
+            assert drill.time == 0.1
 
         def test_is_undecided(drill):
             drill.step(0.1)
@@ -63,6 +67,8 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
 
         def test_fails(drill):
             drill.press(20.0)
+            with pytest.raises(RefusedError):
+                drill.press(-1.0)
             drill.with_answers("supervisor/heartbeat")
             drill.start("python supervisor.py works --ros-args -r __ns:=/rpud",
                         hears=("reacting_force",))
@@ -76,9 +82,12 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
     [folder] = (pytester.path / "left").glob("*fails")
     result.stdout.fnmatch_lines(
         [
-            "E *ExpectationFailedError: [[]R1] calm: failed, margin -* N: *",
+            "E *ExpectationFailedError: [[]R1] calm: failed: reacting_force.force was * N at * s; "
+            "required: always(reacting_force.force < 5 N) (evaluated at 0.200 s)",
+            f"E *{REFUSED}",
             f"artefacts: {folder}",
             f"bag: {folder}/bag",
+            REFUSED,
             "    at 0.000 s: press 20.0",
         ]
     )
@@ -87,7 +96,7 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
     report = decode(base64.b64decode(frame))["report"]
     assert report["test"].endswith("test_fails")
     assert (report["verdict"], report["seed"]) == ("failed", "0")
-    assert report["requirements"][0].startswith("[R1] calm: failed, margin -")
+    assert report["requirements"][0].startswith("[R1] calm: failed: reacting_force")
     commands = (folder / "commands.txt").read_text()
     assert "press 20.0" in commands
     assert "at 0.000 s: step to 0.2 s" in commands
@@ -106,3 +115,37 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
         "rpud_bag": str(folder / "bag"),
         "rpud_report": str(folder / "report.html"),
     }
+
+
+def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(pytester):
+    pytester.makepyfile("""
+        import pytest
+        from rpud_sim.ros.client import RefusedError
+        from rpud_sim.verdicts import always, signal
+
+        def test_nothing(drill, drill_factory):
+            drill.step(0.1)
+            drill.press(20.0)
+
+        def test_a_status(drill):
+            drill.step(0.1)
+            assert drill.status.impacts
+
+        def test_an_error(drill):
+            with pytest.raises(RefusedError):
+                drill.press(-1.0)
+
+        def test_an_expectation(drill):
+            drill.step(0.1)
+            drill.expect(always(signal("reacting_force.force") < "1 kN"))
+
+        def test_a_failure(drill):
+            drill.step(0.1)
+            assert False
+    """)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--rpud-artefacts=")
+    result.assert_outcomes(passed=4, failed=1, warnings=1)
+    result.stdout.fnmatch_lines(["*test_nothing", "*Warning: this test has a drill and no expect*"])
+    strict = ("-Werror::pytest.PytestWarning", "-k", "test_nothing")
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--rpud-artefacts=", *strict)
+    result.assert_outcomes(failed=1)

@@ -21,7 +21,7 @@ from rpud_sim.verdicts import (
     unless,
     until,
 )
-from rpud_sim.verdicts.notation import to_formula, to_plain
+from rpud_sim.verdicts.notation import to_formula, to_plain, to_text
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -88,6 +88,39 @@ def test_a_form_is_understood_and_written_again(plain, formula):
     for each in (plain, to_plain(formula)):
         assert to_formula(cursor_at(each, "test")) == formula
     Expectation("it", formula)
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        (always(FORCE < "450 N"), "always(reacting_force.force < 450 N)"),
+        (
+            after(Onset(JAMMED), eventually(WEIGHT.equals("0 N", "1 N"), within="0.5 s")),
+            "after(onset(free_mass_jammed), "
+            "expect eventually(status.weight_on_bit == 0 N +- 1 N, within 0.5 s))",
+        ),
+        (
+            until(~Active(JAMMED), FORCE > "40 N", between=("1 s", None)),
+            "hold(not(fault(free_mass_jammed)), "
+            "until reacting_force.force > 40 N, between 1 s and end)",
+        ),
+        (
+            (FORCE > "40 N").implies((FORCE < "50 N") | Active(JAMMED)),
+            "if(reacting_force.force > 40 N, "
+            "then any(reacting_force.force < 50 N, fault(free_mass_jammed)))",
+        ),
+        (
+            count(Published("contact_force"), ">=", 10, within="1 s"),
+            "count(message(contact_force), is >= 10, within 1 s)",
+        ),
+        (
+            quantile(0.99, signal("contact_force.peak_force"), "<", "9 kN"),
+            "quantile(0.99, of contact_force.peak_force, is < 9 kN)",
+        ),
+    ],
+)
+def test_a_text_has_the_words_of_a_file(formula, text):
+    assert to_text(formula) == text
 
 
 REFUSED = {
@@ -164,6 +197,8 @@ def test_a_file_of_another_form_is_refused(tmp_path, content, complaint):
 def test_a_signal_compared_as_a_value_is_no_formula():
     with pytest.raises(ExpectationError, match="False is no formula; a signal is compared by <"):
         Expectation("it", always(WEIGHT == 0))
+    with pytest.raises(ExpectationError, match=r"^signal\('status.weight_on_bit'\) is no formula"):
+        Expectation("it", always(WEIGHT))
 
 
 def test_a_file_that_is_missing_is_named(tmp_path):

@@ -12,6 +12,7 @@ from rpud_sim import bag as bags
 from rpud_sim.bag import Losses, Topic
 from rpud_sim.bag.metadata import LOSSES_RECORD, losses_to_record
 from rpud_sim.verdicts import (
+    Becomes,
     Expectation,
     ExpectationError,
     Published,
@@ -64,6 +65,8 @@ def test_messages_of_a_foreign_type_are_one_line():
          "the record ends at 1 s, before it is decided"),
         (after(FORCE > "45 N", FORCE < "90 N"), "the event of after never came: "
          "reacting_force.force > 45 N"),
+        (after(Becomes(FORCE > "45 N"), FORCE < "90 N"), "the event of after never came: "
+         "becomes(reacting_force.force > 45 N)"),
     ],
 )  # fmt: skip
 def test_an_undecided_verdict_says_why(formula, text):

@@ -5,18 +5,24 @@ from random_expectations import record_of
 from sample_bags import SECOND
 
 from rpud_sim.verdicts import (
+    Active,
     Cleared,
     Expectation,
     Onset,
+    Published,
     Record,
     after,
     always,
+    count,
     evaluate,
     eventually,
+    quantile,
     signal,
     unless,
     until,
 )
+from rpud_sim.verdicts.notation import to_text
+from rpud_sim.verdicts.verdict import latest_values
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -45,7 +51,7 @@ def jammed():
     record.add("faults", SECOND, fault(SECOND, None))
     record.add("faults", 3 * SECOND, fault(SECOND, 3 * SECOND))
     for time, weight in ((0, 10.0), (12 * SECOND // 10, 0.0), (4 * SECOND, 10.0)):
-        record.add("status", time, {"weight_on_bit": weight})
+        record.add("status", time, {"weight_on_bit": weight, "state": "running"})
     return record
 
 
@@ -90,5 +96,84 @@ def test_a_verdict_has_plain_content(jammed):
         "unit": "N",
         "at": 1.2,
         "reaction_time": None,
-        "text": "broken at 1.2 s",
+        "text": "status.weight_on_bit was 0 N at 1.2 s; "
+        "required: always(status.weight_on_bit == 10 N)",
     }
+
+
+STATE = signal("status.state")
+NO_LATER = "never came in the record from 0 s until 4 s"
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        (always(WEIGHT < "9 N"), "status.weight_on_bit was 10 N at 0 s"),
+        (always((WEIGHT > "5 N").implies(STATE.says("paused"))),
+         "status.weight_on_bit was 10 N at 0 s; status.state was running at 0 s"),
+        (always((WEIGHT > "5 N") & STATE.says("running")), "status.weight_on_bit was 0 N at 1.2 s"),
+        (after(Onset(JAMMED), WEIGHT.equals("0 N")),
+         "onset(free_mass_jammed) came at 1 s; status.weight_on_bit was 10 N at 1 s"),
+        (eventually(WEIGHT.equals("0 N"), within="0.9 s"), "status.weight_on_bit was 10 N at 0.9 s;"
+         " status.weight_on_bit == 0 N came 0.3 s too late, at 1.2 s"),
+        (eventually(WEIGHT < "0 N"), "status.weight_on_bit was 10 N at 4 s; "
+         f"status.weight_on_bit < 0 N {NO_LATER}"),
+        (eventually(Cleared(JAMMED), within="2.5 s"),
+         "cleared(free_mass_jammed) came 0.5 s too late, at 3 s"),
+        (until(STATE.says("running"), WEIGHT.equals("0 N"), within="1 s"),
+         "status.weight_on_bit was 10 N at 1 s; "
+         "status.weight_on_bit == 0 N came 0.2 s too late, at 1.2 s"),
+        (until(WEIGHT > "5 N", Cleared(JAMMED)), "status.weight_on_bit was 0 N at 1.2 s"),
+        (~eventually(WEIGHT.equals("0 N")), "status.weight_on_bit was 0 N at 1.2 s"),
+        (always(~Active(JAMMED)), "fault(free_mass_jammed) held at 1 s"),
+        (~eventually(Onset(JAMMED)), "onset(free_mass_jammed) came at 1 s"),
+        (count(Published("status"), ">", 5, within="2 s"),
+         "message(status) came 2 times from 0 s until 2 s"),
+        (quantile(0.5, WEIGHT, "<", "9 N"),
+         "quantile 0.5 of status.weight_on_bit was 10 N from 0 s until 4 s"),
+        (WEIGHT < "9 N", "status.weight_on_bit was 10 N at 0 s"),
+        (always(Onset(JAMMED)), "broken at 0 s"),
+    ],
+)  # fmt: skip
+def test_a_failed_verdict_says_what_was_there_and_how_late_it_came(jammed, formula, text):
+    found = verdict(formula, jammed)
+    assert (found.outcome, found.text) == ("failed", f"{text}; required: {to_text(formula)}")
+
+
+def test_a_requirement_that_is_its_own_name_is_said_once(jammed):
+    formula = always(WEIGHT < "9 N")
+    found = evaluate(Expectation(to_text(formula), formula), jammed)
+    assert found.text == "status.weight_on_bit was 10 N at 0 s"
+
+
+def test_a_value_is_on_its_side_of_the_limit_and_bounds_where_it_is_not_known():
+    record = record_of(force={0: 450.0000001, SECOND: 10.0})
+    found = verdict(always(FORCE < "450 N"), record)
+    assert found.text.startswith("reacting_force.force was 450.0000001 N at 0 s; ")
+    record = record_of()
+    for force in (10.0, 50.0):  # of one stamp, in no known order
+        record.add("reacting_force", SECOND, {"force": force})
+    found = verdict(always(FORCE < "5 N"), record)
+    assert found.text.startswith("reacting_force.force was 10 to 50 N at 0 s; ")
+    record.add_losses("reacting_force", 3)
+    found = verdict(count(Published("reacting_force"), "<", 2), record)
+    assert found.text.startswith("message(reacting_force) came 2 to 5 times from 0 s until 0 s; ")
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        ((WEIGHT < "9 N") & STATE.says("paused"),
+         "status.weight_on_bit was 10 N at 4 s; status.state was running at 4 s"),
+        (eventually(WEIGHT < "9 N"), "status.weight_on_bit was 10 N at 4 s; "
+         "status.weight_on_bit < 9 N never came in the record from 4 s until 4 s"),
+        (FORCE > "45 N", "reacting_force.force has no value at 4 s"),
+        (Onset(JAMMED), ""),
+        (count(Published("status"), ">", 9, within="1 s"),
+         "message(status) came at least 1 times from 4 s until 4 s"),
+        (quantile(0.5, FORCE, ">", "45 N"), ""),
+    ],
+)  # fmt: skip
+def test_the_latest_values_are_of_the_end_of_a_record(jammed, formula, text):
+    assert latest_values(Expectation("it", formula), jammed) == text
+    assert latest_values(Expectation("it", formula), Record()) == ""

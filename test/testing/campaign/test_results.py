@@ -32,7 +32,7 @@ def test_a_requirement_fails_in_the_scenario_where_a_run_breaks_it(campaign):
     failures = campaign_page(results).partition("<h2>What failed</h2>")[2].partition("<h2>")[0]
     assert failures.count("<h3>") == 1
     assert f"<h3>{broken.name}</h3>" in failures
-    assert "[SAFE-1] force: failed, margin -1.5 N: broken at 4.5 s" in failures
+    assert "[SAFE-1] force: failed: reacting_force.force was 501.5 N at 4.5 s" in failures
 
 
 def test_a_requirement_that_no_run_decides_has_not_passed(campaign):
