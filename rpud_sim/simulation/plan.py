@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -55,19 +54,23 @@ class Journal:
         """Return the entries since the last call."""
         entries = []
         for (_, commanded), group in groupby(self._waiting, _time_and_whether_commanded):
-            for time, kind, content in sorted(group, key=_kind) if commanded else group:
+            for time, kind, content in sorted(group, key=_place) if commanded else group:
                 entries.append(JournalEntry(self.count, time, kind, content))
                 self.count += 1
         self._waiting.clear()
         return entries
 
 
-_kind = itemgetter(1)
+_COMMANDS = tuple(COMMAND_NAMES.values())
 
 
 def _time_and_whether_commanded(entry: tuple[int, str, object]) -> tuple[int, bool]:
     time, kind, _ = entry
-    return time, kind in COMMAND_NAMES.values()
+    return time, kind in _COMMANDS
+
+
+def _place(entry: tuple[int, str, object]) -> int:
+    return _COMMANDS.index(entry[1])
 
 
 _UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)

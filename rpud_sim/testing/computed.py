@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from typing import Any
 
-import numpy as np
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import JournalEntry as EntryMessage
 from rpud_msgs.msg import Status
 
 from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.offline_bag import encoded
 from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.changes import Change, action_of
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.plan import JournalEntry, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
 from rpud_sim.testing.collector import HeardTopic
-from rpud_sim.testing.errors import DrillError, is_verdict
+from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
 
 __tracebackhide__ = is_verdict
 _codec = cache(installed_codec)
+_PADDING = 3  # that the middleware may add to a message [bytes]
 # Fields of a status that the journal does not determine.
 _OWN = {*vars(Bookkeeping()), "state", "journal_entries"}
 
@@ -97,7 +98,7 @@ class ComputedDrill:
         self._resolve = resolve
         self._refresh = refresh
         self._entries: list[JournalEntry] = []
-        self._published: list[EntryMessage] = []  # of the entries
+        self._journal: list[SerializedBatch] = []  # messages of the entries
         self._origin = 0  # stamp of simulation time zero [ns]
         self._time = 0  # simulation time that the drill has reached [ns]
         self._status: Status | None = None  # at this time, to be compared
@@ -116,9 +117,12 @@ class ComputedDrill:
                 self._begin(content["parameters"])
             elif entry.kind == "origin":
                 self._origin = int(content["origin"])
-            self._published.append(entry)
             time = int(content.pop("time"))
             self._entries.append(JournalEntry(int(entry.sequence), time, entry.kind, content))
+            stamp = {"sec": entry.header.stamp.sec, "nanosec": entry.header.stamp.nanosec}
+            header = {"stamp": stamp, "frame_id": entry.header.frame_id}
+            named = {"sequence": entry.sequence, "kind": entry.kind, "content": entry.content}
+            self._keep(Batch.of(time, "journal", {"header": header, **named}), self._journal)
 
     def refresh(self) -> None:
         """Take what is new in the journal."""
@@ -133,7 +137,7 @@ class ComputedDrill:
 
     def _begin(self, parameters: Mapping[str, Any]) -> None:
         self._entries.clear()
-        self._published.clear()
+        self._journal.clear()
         self._batches.clear()
         self._time, self._status, self._run, self._scheduled = 0, None, None, 0
         names = {name for name in offered_topics(parameters) if name in PROVED} | {"journal"}
@@ -148,13 +152,13 @@ class ComputedDrill:
         """Return the messages of a topic up to the present time."""
         self.refresh()
         if topic == "journal":
-            return [_serialized(self._resolve(topic), self._published)] if self._published else []
+            return self._journal
         self._advance()
         if topic not in self._batches and self._run is not None:
             # This topic was not wanted until now: once more, from the beginning.
             self._batches[topic] = []
             again = Run(Plan.of(self._entries), None, {topic}.__contains__)
-            self._keep(again, self._run.time, {topic})
+            self._take(again, self._run.time, {topic})
         return self._batches.get(topic, [])
 
     def _advance(self) -> None:
@@ -177,14 +181,16 @@ class ComputedDrill:
         new = self._entries[self._scheduled : end]
         run.schedule(*(Change(e.time, action_of(e.kind, e.content)) for e in new))
         self._scheduled = max(self._scheduled, end)
-        self._keep(run, self._time, self._batches)
+        self._take(run, self._time, self._batches)
 
-    def _keep(self, run: Run, until: int, topics: Iterable[str]) -> None:
+    def _take(self, run: Run, until: int, topics: Iterable[str]) -> None:
         wanted = {*topics}
         for batch in run.advance_to(until):
             if batch.topic in wanted:
-                codec = _codec(TOPICS[batch.topic].type)
-                self._batches[batch.topic].append(encoded(batch, codec, "", 0))
+                self._keep(batch, self._batches[batch.topic])
+
+    def _keep(self, batch: Batch, found: list[SerializedBatch]) -> None:
+        found.append(encoded(batch, _codec(TOPICS[batch.topic].type), "", 0))
 
     def _compare(self, run: Run, status: Status) -> None:
         """Raise a DrillError if the drill's status is not that of the computed run."""
@@ -201,22 +207,16 @@ class ComputedDrill:
 
 
 def check_equal(computed: ComputedTopic, heard: HeardTopic) -> None:
-    """Raise a DrillError if what was heard of a topic is not, bit for bit, what is computed."""
+    """Raise an error if what was received of a topic is not, bit for bit, what is computed."""
+    if heard.lost:
+        raise LostMessagesError(f"{heard.lost} messages of {heard.name} are lost")
     wire = heard.payloads
     count = min(len(wire), len(computed))  # a latched topic has older ones
     own = computed.payloads[len(computed) - count :]
     first = len(wire) - count
     for ours, theirs, stamp in zip(own, wire[first:], heard.stamps[first:], strict=True):
-        if ours != theirs:
+        if theirs[: len(ours)] != ours or len(theirs) - len(ours) > _PADDING:
             raise DrillError(
                 f"a message of {computed.name} at {stamp / SECOND:.9g} s is another one than this "
                 "process computes: the versions or the compiled kernels of the two differ"
             )
-
-
-def _serialized(name: str, messages: Sequence[EntryMessage]) -> SerializedBatch:
-    payloads = [serialize_message(each) for each in messages]
-    stamps = [join_seconds(e.header.stamp.sec, e.header.stamp.nanosec) for e in messages]
-    times, sizes = np.array(stamps, np.int64), np.array(list(map(len, payloads)), np.int64)
-    data = np.frombuffer(b"".join(payloads), np.uint8)
-    return SerializedBatch(name, times, times, data, np.cumsum(sizes) - sizes, sizes)

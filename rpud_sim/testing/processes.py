@@ -118,7 +118,8 @@ class DrillProcess:
         self.domain = self._claim.domain
         self.scenario = self.folder / "scenario.yaml"
         self.scenario.write_text(NO_FAULTS)
-        values = {**parameters, **LOCKSTEP, "scenario": str(self.scenario)}
+        # A name, not the path: the journal has it, and is the same in every flight.
+        values = {**parameters, **LOCKSTEP, "scenario": self.scenario.name}
         file = self.folder / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
         self.environment = {

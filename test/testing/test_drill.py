@@ -66,6 +66,7 @@ def test_nothing_leaks_into_the_next_test(pool):
     drill.drive(False)
     drill.engage(False)
     drill.inject("lost_preload")
+    drill.listen("/talk", "std_msgs/msg/String")
     drill.listen("waveform")
     drill.step(0.2)
     DrillClient.play(drill.client)
@@ -78,7 +79,7 @@ def test_nothing_leaks_into_the_next_test(pool):
     assert (status.active_faults, status.impacts, status.commands_accepted) == (0, impacts, 0)
     assert content(drill) == fresh
     assert drill.log == []
-    assert "/rpud/waveform" not in drill.heard
+    assert "/talk" not in drill.heard
     drill.step(0.3)
     assert content(drill) == first
     pool.give_back(drill)
@@ -166,7 +167,7 @@ def test_a_recording_is_complete_and_can_be_proved(drill, recording):
     ("action", "text"),
     [
         (lambda drill: drill.latest("reacting_forc"), "did you mean reacting_force"),
-        (lambda drill: drill.messages("waveform"), r"call listen\('waveform'\) first"),
+        (lambda drill: drill.messages("/talk"), r"call listen\('/talk'\) first"),
         (lambda drill: drill.listen("/silent"), "no publisher on /silent; give its type"),
         (lambda drill: drill.step(-1.0), "step = -1 s is outside its range"),
         (lambda drill: drill.step_until(lambda: 1, 0.0), "timeout = 0 s is outside its range"),

@@ -6,10 +6,8 @@ from unittest.mock import MagicMock
 import pytest
 from sensor_msgs.msg import JointState
 
-import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.testing import LostMessagesError, SystemUnderTestError
-from rpud_sim.testing.artefacts import write_bag
+from rpud_sim.testing import SystemUnderTestError
 from rpud_sim.testing.nodes import Answers
 from rpud_sim.verdicts import always
 from rpud_sim.verdicts import signal as field
@@ -127,22 +125,6 @@ def test_a_paused_node_is_silent_until_it_goes_on(drill):
         "SIGCONT to supervisor.py",
         "SIGKILL to supervisor.py",
     ]
-
-
-def test_a_bag_declares_what_the_test_has_lost(drill, tmp_path):
-    drill.step(0.1)
-    impacts = drill.heard["/rpud/contact_force"]
-    impacts.note(drill.published["contact_force"] + 3)  # as if two were lost
-    with pytest.raises(LostMessagesError, match="2 messages of /rpud/contact_force are lost"):
-        drill.messages("contact_force")
-    impacts.number = drill.published["contact_force"]
-    drill.expect(always(field("reacting_force.force") < "450 N"))
-    with pytest.raises(AssertionError):
-        drill.expect(always(field("contact_force.peak_force") < "1e9 N"))
-    write_bag(tmp_path / "bag", drill)
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        losses = {each.topic.name: each.losses for each in bag.topics}
-    assert losses["/rpud/contact_force"].total == 2
 
 
 @pytest.mark.rpud(feed_model="arm")

@@ -84,7 +84,7 @@ class DrillPublishers:
                 added = publishers.add(name, publisher, topic.depth if topic.complete else math.inf)
                 if name == "journal":
                     added.send = partial(self._send_entry, added.send)
-        self.look()
+        self.begin()
 
     @property
     def published(self) -> Mapping[str, int]:
@@ -92,20 +92,23 @@ class DrillPublishers:
         return {name: self._published[name] for name in self.own}
 
     def look(self) -> None:
-        """Find the topics that have a subscriber, which are those to publish.
+        """Find the topics to publish: those that have had a subscriber since the run began.
 
-        A latched topic is published in any case: a later subscriber gets its last messages.
+        One that is dropped and comes back finds by the numbers what it has missed. A latched topic
+        is published in any case: a later subscriber gets its last messages.
         """
         own = self.own
-        followed = {
-            name
-            for name in self._telemetry
-            if self.complete or own[name].publisher.get_subscription_count()
-        }
-        self.wanted = self._latched | followed
-        self.followed = bool(followed)
+        for name in self._telemetry - self.wanted:
+            if self.complete or own[name].publisher.get_subscription_count():
+                self.wanted |= {name}
+        self.followed = len(self.wanted) > len(self._latched)
         clock = self._others.get("/clock")
         self.sets_pace = clock is not None and bool(clock.publisher.get_subscription_count())
+
+    def begin(self) -> None:
+        """Begin with those topics that have a subscriber now."""
+        self.wanted = self._latched
+        self.look()
 
     def encode(self, batches: Iterable[Batch]) -> list[Encoded]:
         """Serialize messages, in their order, of topics that are wanted."""

@@ -353,6 +353,7 @@ class Session:
     def _switch(self, run: Run, origin: int) -> None:
         """Go on with a run at whose simulation time zero the stamp is ``origin`` [ns]."""
         self.run = run
+        self.publishers.begin()
         self.timeline.pacer.reset()
         run.set_origin(origin)
 

@@ -18,7 +18,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, no
     executor = SingleThreadedExecutor()
     executor.add_node(nodes[-1])
     publishers = DrillPublishers(drill_node, publish_clock=True)
-    run = Run(Plan(Beginning(Settings())), wanted=publishers.wanted)
+    run = Run(Plan(Beginning(Settings())), wanted=lambda topic: topic in publishers.wanted)
     run.begin(0)
     numbers = []
 
@@ -27,6 +27,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill_node, no
 
     def go_on(blocks):
         for _ in range(blocks):
+            publishers.look()
             publishers.publish(run.advance_to(run.next_boundary))
 
     def note(_, information):

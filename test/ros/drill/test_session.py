@@ -252,7 +252,7 @@ def test_a_step_ends_at_its_goal_without_a_deadline_and_its_status_comes_first(d
     assert (drill.timeline.goal, drill.state, drill.timeline.playing) == (goal, "running", False)
     reported, tell = [], drill.report
     monkeypatch.setattr(
-        drill, "report", lambda: reported.append((drill.run.time, step.done())) or tell()
+        drill, "report", lambda **_: reported.append((drill.run.time, step.done())) or tell()
     )
     drill.finish_step()
     assert reported == [(goal, False)]
