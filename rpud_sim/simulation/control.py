@@ -39,10 +39,11 @@ class Control:
         """Time until which ``act`` changes nothing without a command [ns]; ``NEVER`` for ever."""
         if not (self._timeout and self.active):
             return NEVER
-        overdue = self.simulation.time - self._last - self._timeout
+        now = self.simulation.time
+        overdue = now - self._last - self._timeout
         if overdue <= 0:
-            return self._last + self._timeout
-        return NEVER if self.commands_lost and overdue > self._ramp else self.simulation.time
+            return now if self.commands_lost else self._last + self._timeout
+        return NEVER if self.commands_lost and overdue > self._ramp else now
 
     def activate(self, active: bool) -> None:
         """Let commands act from now on, starting with the initial ones, or let none act."""

@@ -65,6 +65,11 @@ def advanced(run, time):
     return list(rows_of(run.advance_to(time)))
 
 
+def same(one, other):
+    """Whether messages are equal, NaN included; pytest's own comparison takes minutes."""
+    return [*map(repr, one)] == [*map(repr, other)]
+
+
 def topics(messages):
     return [topic for _, topic, _ in messages]
 
@@ -263,3 +268,41 @@ def test_planned_changes_are_those_that_are_carried_out_at_their_times(steps):
         messages += rows_of(run.flush() if isinstance(change.action, Flush) else run.changes())
     messages += advanced(run, 300 * MILLISECOND)
     assert list(map(repr, found)) == list(map(repr, messages))
+
+
+@pytest.mark.parametrize("arm", [False, True])
+@pytest.mark.parametrize("actuator", ["gain", "resonance"])
+def test_commands_of_one_time_give_the_same_bits_and_journal_in_every_order(arm, actuator):
+    values = {"actuator_model": actuator, **({"feed_model": "arm"} if arm else {})}
+    commands = [Drive(True, 70.0, 16_100.0), Feed("rate", 0.002) if arm else WeightOnBit(17.0)]
+    found = []
+    for order in (commands, commands[::-1]):
+        run, messages = begun(values, journal=Journal())
+        messages += advanced(run, 23_456_789)
+        for command in order:
+            run.control.apply(command)
+        messages += [*rows_of(run.changes()), *advanced(run, END)]
+        found.append(messages)
+    assert same(*found)
+    assert kinds(found[0])[-2:] == (["drive", "feed"] if arm else ["weight_on_bit", "drive"])
+
+
+@given(
+    timeout=st.floats(0.001, 0.08),
+    ramp=st.sampled_from([0.0, 0.013, 0.05]),
+    count=st.integers(0, 3),
+)
+@settings(max_examples=30)
+def test_watched_in_spans_a_loss_of_commands_has_the_same_bits(timeout, ramp, count):
+    """The watchdog acts at the ends of the same blocks as where each of them is looked at."""
+    found = []
+    for spans in (True, False):
+        run, _ = begun({"command_timeout": timeout, "command_loss_ramp": ramp}, journal=Journal())
+        run.watch()
+        for number in range(count):
+            run.schedule(Change(20 * MILLISECOND * (number + 1), WeightOnBit(10.0 + number)))
+        messages = []
+        while run.time < 2 * END:
+            messages += advanced(run, 2 * END if spans else min(run.next_boundary, run.next_change))
+        found.append(messages)
+    assert same(*found)
