@@ -92,9 +92,8 @@ setup(
         "export": EXPORT,
         "studies": STUDIES,  # sweep, fit
         "cluster": [*STUDIES, "distributed"],
-        # What the plugin and campaigns need: each leaves a page. toolchain/requirements/test.in
-        # says why an older pytest.
-        "test": ["pytest<8.4", *WEB],
+        # What the plugin and campaigns need: each leaves a page.
+        "test": ["pytest>=8", *WEB],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -17,8 +17,9 @@ POOL = pytest.StashKey[Any]()  # of a configuration
 
 def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
     """Return a drill at time zero for a test, which leaves its artefacts."""
-    from rpud_sim.testing.setup import DrillPool
+    from rpud_sim.testing.setup import DrillPool, check_ros
 
+    check_ros()
     pool: DrillPool = item.config.stash.setdefault(POOL, DrillPool())
     drill = pool.take(setup, folder)
     item.stash.setdefault(DRILLS, []).append(drill)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -144,6 +145,18 @@ def _scenario(
     return yaml.safe_dump(top.value), tuple(fault for fault, _ in scheduled)
 
 
+def check_ros() -> None:
+    """Raise a DrillError that says what to install where ROS 2 cannot be imported."""
+    try:
+        import_module("rclpy")
+        import_module("rpud_msgs.msg")
+    except ImportError as error:
+        raise DrillError(
+            f"a drill of a test needs ROS 2 Jazzy ({error}): pip install 'rpud_sim[ros]', or source "
+            "/opt/ros/jazzy/setup.bash and the workspace with rpud_msgs"
+        ) from None
+
+
 class DrillPool:
     """Drills of one process of tests."""
 
@@ -197,6 +210,7 @@ def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[Drill]:
     Options are those of the mark ``rpud``.
     """
     setup = drill_setup(options, folders)
+    check_ros()
     drill = DrillPool().take(setup, folders[0] if folders else None)
     try:
         yield drill

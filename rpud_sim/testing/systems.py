@@ -288,23 +288,28 @@ class Systems:
         infos = self._collector.node.get_subscriptions_info_by_topic(name)
         return {bytes(each.endpoint_gid): node_name(each) for each in infos}
 
-    def _graph(self) -> tuple[object, ...]:
-        node, collector = self._collector.node, self._collector
-        subscribed = [node.count_subscribers(collector.resolve(name)) for name in TOPICS]
-        clock = node.count_subscribers("/clock")
-        published = [node.count_publishers(collector.resolve(name)) for name in ALL_COMMAND_TOPICS]
-        return (*subscribed, clock, *published)
+    def _endpoints(self) -> set[bytes]:
+        """Return the identifiers of what subscribes to the drill's topics, or commands it."""
+        node, resolve = self._collector.node, self._collector.resolve
+        infos = [
+            *(node.get_subscriptions_info_by_topic(resolve(name)) for name in (*TOPICS, "/clock")),
+            *(node.get_publishers_info_by_topic(resolve(name)) for name in ALL_COMMAND_TOPICS),
+        ]
+        return {bytes(each.endpoint_gid) for found in infos for each in found}
 
     def _calm(self) -> Callable[[], bool]:
-        """Return whether the graph has changed since now, and then not for a while."""
-        beginning = latest = self._graph()
-        since = time.monotonic()
+        """Return whether the graph has new endpoints since now, and then no others for a while.
+
+        A node that leaves meanwhile changes nothing.
+        """
+        beginning = self._endpoints()
+        latest, since = beginning, time.monotonic()
 
         def calm() -> bool:
             nonlocal latest, since
-            now, graph = time.monotonic(), self._graph()
-            if graph != latest:
-                latest, since = graph, now
+            now, found = time.monotonic(), self._endpoints()
+            if not found <= latest:
+                latest, since = latest | found, now
             return latest != beginning and now - since >= _CALM
 
         return calm
