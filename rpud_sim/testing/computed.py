@@ -124,6 +124,10 @@ class ComputedDrill:
             named = {"sequence": entry.sequence, "kind": entry.kind, "content": entry.content}
             self._keep(Batch.of(time, "journal", {"header": header, **named}), self._journal)
 
+    def restart(self) -> None:
+        """Begin with another journal, of a node that has been configured anew."""
+        self.count = 0
+
     def refresh(self) -> None:
         """Take what is new in the journal."""
         self.add(self._refresh())

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from builtin_interfaces.msg import Duration
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rpud_msgs.msg import JournalEntry, Status
 from rpud_msgs.srv import StepSimulation
 
@@ -56,6 +58,18 @@ class LockstepClient(DrillClient):
         return self._advance("simulation/step", request)
 
 
+    def change_state(self, *transitions: str) -> None:
+        """Let the drill's node make transitions of its life cycle."""
+        name = "drill_node/change_state"
+        self._services.add(ChangeState, name)
+        for label in transitions:
+            self._ask(name, ChangeState.Request(transition=Transition(label=label)))
+
+    def set_all_parameters(self, values: Mapping[str, Any]) -> None:
+        """Set parameters while the drill is not configured."""
+        self._set_parameters("drill_node", values)
+
+
 class Lockstep:
     """Drill whose time passes in steps alone.
 
@@ -92,6 +106,25 @@ class Lockstep:
     def alive(self) -> bool:
         """Whether the drill's process runs."""
         return self._process.process.running
+
+    def renew(self, parameters: Mapping[str, Any]) -> None:
+        """Configure the node anew with all of its parameters, as if it had been started with them.
+
+        It takes a tenth of the time of a start.
+        """
+        client, status = self._client, self._collector.own("status")
+        try:
+            client.change_state("deactivate", "cleanup")
+            client.set_all_parameters(parameters)
+            self._collector.take()
+            status.forget(len(status))
+            client.change_state("configure", "activate")
+        except ClientError as error:
+            raise DrillError(f"the drill cannot be configured anew: {error}") from error
+        self._collector.time = 0
+        self._computed.restart()
+        self._changed = True
+        self._await_start()
 
     def _begin(self, seed: int, scenario: str) -> None:
         """Begin at time zero, paused, as the drill was started; nothing stays of before."""
@@ -237,8 +270,11 @@ class Lockstep:
         status = self._collector.own("status")
 
         def lack() -> str:
+            self._client.take()
             latest = status.latest()
-            return "" if latest and latest.state == Status.STATE_PAUSED else "a paused drill"
+            shown = self._client.status_number == status.number
+            paused = latest and latest.state == Status.STATE_PAUSED
+            return "" if paused and shown else "a paused drill"
 
         if self._collector.until_complete(lack, _START, self._check):
             raise self._failure(f"has not started within {_START:g} s")

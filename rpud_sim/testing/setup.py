@@ -152,8 +152,8 @@ def check_ros() -> None:
         import_module("rpud_msgs.msg")
     except ImportError as error:
         raise DrillError(
-            f"a drill of a test needs ROS 2 Jazzy ({error}): pip install 'rpud_sim[ros]', or source "
-            "/opt/ros/jazzy/setup.bash and the workspace with rpud_msgs"
+            f"a drill of a test needs ROS 2 Jazzy ({error}): pip install 'rpud_sim[ros]', or "
+            "source /opt/ros/jazzy/setup.bash and the workspace with rpud_msgs"
         ) from None
 
 
@@ -167,18 +167,23 @@ class DrillPool:
         """Return a drill at time zero, as if just started; commands start in ``folder``."""
         parameters = sorted(f"{name}={value!r}" for name, value in setup.parameters.items())
         key = (setup.namespace, *parameters)
-        for drill in [each for each in self._idle if each.key == key]:
+        own = [each for each in self._idle if each.key[0] == setup.namespace]
+        for drill in sorted(own, key=lambda each: each.key != key):
             self._idle.remove(drill)
             try:
+                if drill.key != key:
+                    drill.renew(_all_parameters(setup))
+                    drill.key = key
                 drill.begin(setup.seed, setup.scenario)
             except DrillError:  # it has died, or does not come back: another one takes its place
                 drill.close()
             else:
                 drill.folder = folder
                 return drill
+        process = DrillProcess(setup.parameters, setup.namespace)  # it starts during the import
         from rpud_sim.testing.drill import Drill  # with all of ROS
 
-        drill = Drill(DrillProcess(setup.parameters, setup.namespace), folder)
+        drill = Drill(process, folder)
         drill.key = key
         try:
             drill.begin(setup.seed, setup.scenario)
@@ -200,6 +205,12 @@ class DrillPool:
     def close(self) -> None:
         while self._idle:
             self._idle.pop().close()
+
+
+def _all_parameters(setup: DrillSetup) -> dict[str, Any]:
+    """Return the parameters of a drill with the defaults of those that are not given."""
+    values = to_settings(setup.parameters).values()
+    return {name: value for name, value in values.items() if name not in _RESERVED}
 
 
 @contextlib.contextmanager

@@ -85,6 +85,31 @@ def test_nothing_leaks_into_the_next_test(pool):
     pool.give_back(drill)
 
 
+def test_one_process_serves_other_parameters_as_one_that_was_started_with_them(pool):
+    others = drill_setup({"feed_model": "arm", "telemetry_rate": 200.0, "faults": "feed_stall"})
+    fresh = pool.take(others)
+    fresh.step(0.3)
+    expected = {name: each.payloads for name, each in fresh.heard.items() if "status" not in name}
+    fresh.close()
+
+    drill = pool.take(drill_setup({"weight_on_bit": 12.0}))
+    pid = drill.pid
+    drill.set_parameters(command_timeout=2.0)
+    drill.press(40.0)
+    drill.listen("reacting_force")
+    drill.step(0.2)
+    pool.give_back(drill)
+    again = pool.take(others)
+    assert again.pid == pid
+    again.step(0.3)
+    found = {name: each.payloads for name, each in again.heard.items() if "status" not in name}
+    assert sorted(found) == sorted(expected)
+    different = [name for name in found if found[name] != expected[name]]
+    assert different == []
+    assert again.status.commands_accepted == 0
+    pool.give_back(again)
+
+
 def test_a_dead_drill_is_replaced_and_told_of(pool):
     drill = pool.take(drill_setup({}))
     os.kill(drill.pid, signal.SIGKILL)

@@ -232,15 +232,18 @@ class DrillClient(ListeningNode):
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill, all of them or none."""
-        parameters = [Parameter(name, value=value) for name, value in values.items()]
-        request = SetParametersAtomically.Request(
-            parameters=[parameter.to_parameter_msg() for parameter in parameters]
-        )
         nodes = self.until(
             lambda: list(filter(None, self.publishers)),
             what="the name of the drill's node was not discovered",
         )
-        name = f"{nodes[0]}/set_parameters_atomically"
+        self._set_parameters(nodes[0], values)
+
+    def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        request = SetParametersAtomically.Request(
+            parameters=[parameter.to_parameter_msg() for parameter in parameters]
+        )
+        name = f"{node}/set_parameters_atomically"
         self._services.add(SetParametersAtomically, name)
         self._ask(name, request, repeat=True)
 

@@ -249,7 +249,7 @@ class ServiceCaller:
             if not result.successful:
                 raise RefusedError(result.reason)
         elif not getattr(result, "success", True):
-            raise RefusedError(result.message)
+            raise RefusedError(getattr(result, "message", "the log of the drill says why"))
         return response
 
     def introduce(self, patience: float | None = None) -> None:

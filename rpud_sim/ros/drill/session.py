@@ -191,7 +191,8 @@ class Session:
         commands = self._inbox.drain()
         for command in commands:
             control.apply(command)
-        control.act()
+        if commands or self.run.time >= control.quiet_until:
+            control.act()
         lost, self._lost = self._lost, control.commands_lost
         if commands or lost is not self._lost or self.reporter.refused_more():
             self._unreported = True
