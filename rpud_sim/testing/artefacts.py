@@ -61,6 +61,10 @@ def leave_artefacts(
         own.mkdir(exist_ok=True)
         commands = [f"at {time:.3f} s: {text}" for time, text in drill.log]
         (own / "commands.txt").write_text("\n".join([*commands, ""]))
+        if drill.disturbed_steps:
+            steps = "\n".join(map(str, drill.disturbed_steps))
+            (own / "disturbances.txt").write_text(f"{steps}\n")
+            lines.append(f"disturbances: {own / 'disturbances.txt'}")
         (own / "drill.log").write_text(drill.output)
         for index, system in enumerate(drill.systems, 1):
             file = own / f"{index}_{_NAME.sub('_', system.name)}.log"

@@ -95,6 +95,7 @@ class ComputedDrill:
     ) -> None:
         self.count = 0  # entries of the journal that are known, since the drill's start
         self.topics: Mapping[str, ComputedTopic] = {}  # by absolute name
+        self.rate = 0  # of the telemetry [Hz]
         self._resolve = resolve
         self._refresh = refresh
         self._entries: list[JournalEntry] = []
@@ -105,6 +106,12 @@ class ComputedDrill:
         self._run: Run | None = None
         self._scheduled = 0  # entries that the run has
         self._batches: dict[str, list[SerializedBatch]] = {}  # by topic; those that are computed
+
+    @property
+    def entries(self) -> tuple[JournalEntry, ...]:
+        """Entries of the journal since the latest reset."""
+        self.refresh()
+        return tuple(self._entries)
 
     def add(self, entries: Iterable[EntryMessage]) -> None:
         """Add the next entries of the journal; one that begins a run forgets all before."""
@@ -144,6 +151,7 @@ class ComputedDrill:
         self._journal.clear()
         self._batches.clear()
         self._time, self._status, self._run, self._scheduled = 0, None, None, 0
+        self.rate = int(parameters["telemetry_rate"])
         names = {name for name in offered_topics(parameters) if name in PROVED} | {"journal"}
         self.topics = {
             self._resolve(name): ComputedTopic(

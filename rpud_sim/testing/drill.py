@@ -14,8 +14,10 @@ from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.collector import HeardTopic
 from rpud_sim.testing.computed import ComputedTopic
+from rpud_sim.testing.disturbances import Disturbances, DisturbedStep
 from rpud_sim.testing.errors import LostMessagesError, is_verdict
 from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
+from rpud_sim.testing.flight_records import DrillRecord, heard_of
 from rpud_sim.testing.lockstep import Lockstep, described
 from rpud_sim.testing.processes import NO_FAULTS, DrillProcess
 from rpud_sim.testing.refusals import Refusals
@@ -26,6 +28,7 @@ from rpud_sim.verdicts.notation import to_text
 # Simulation time of one step, and between two answers, unless another one is given [s].
 PERIOD = 0.1
 _STEP = "step to "
+_QUIET = 0.1  # for the last messages of nodes under test to arrive [s]
 
 _SECONDS = Quantity("s", "a simulation time", 1e-9, 1e6)
 _REAL_SECONDS = Quantity("s", "a time limit", 0.0, 1e6, exclusive=True)
@@ -325,6 +328,28 @@ class Drill(Lockstep):
         self._refusals.begin()
         self.log = []
         self.observed = False
+
+    def disturb(self, seed: str | None) -> None:
+        """Have the test's steps disturbed as ``seed`` draws it, and keep what is heard.
+
+        None disturbs nothing.
+        """
+        self._heard_before = []
+        self._disturbances = None if seed is None else Disturbances(seed)
+
+    @property
+    def disturbed_steps(self) -> tuple[DisturbedStep, ...]:
+        """Steps of a shaken test, with what disturbed them."""
+        return tuple(self._disturbances.steps) if self._disturbances else ()
+
+    def record_flight(self) -> DrillRecord:
+        """Return what nodes under test have published since ``disturb``, and all verdicts."""
+        # What no answer is awaited on may still be on its way.
+        self._collector.until_complete(lambda: "more", _QUIET, lambda: None)
+        heard = (*(self._heard_before or ()), heard_of(self._collector, self._computed))
+        subscribed = tuple(sorted(self._subscribed))
+        rate = self._computed.rate
+        return DrillRecord(heard, self.verdicts, self.disturbed_steps, subscribed, rate)
 
     @property
     def _now(self) -> float:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # pytest imports the plugin in every run, also where no test 
     from rpud_sim.testing.setup import DrillSetup
 
 DRILLS = pytest.StashKey[list[Any]]()  # of an item
+FLIGHT = pytest.StashKey[Any]()  # of an item whose flights are compared: its present one
 POOL = pytest.StashKey[Any]()  # of a configuration
 
 
@@ -23,6 +24,8 @@ def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
     pool: DrillPool = item.config.stash.setdefault(POOL, DrillPool())
     drill = pool.take(setup, folder)
     item.stash.setdefault(DRILLS, []).append(drill)
+    if FLIGHT in item.stash:
+        item.stash[FLIGHT].take(drill)
     return drill
 
 

@@ -17,9 +17,12 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import to_time
+from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.collector import Collector, HeardTopic
 from rpud_sim.testing.computed import ComputedDrill, ComputedTopic, check_equal
+from rpud_sim.testing.disturbances import Disturbances
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
+from rpud_sim.testing.flight_records import TEST_CLIENT, Heard, heard_of
 from rpud_sim.testing.nodes import Answers, Introductions
 from rpud_sim.testing.processes import DrillProcess, applied
 from rpud_sim.testing.systems import Systems
@@ -51,10 +54,15 @@ class LockstepClient(DrillClient):
     play = _refused("play", "step")
     reset = _refused("reset", "reset")
 
-    def advance(self, nanoseconds: int, entries_from: int) -> Any:
-        """Advance, and return the response, with the journal's entries from a number on."""
+    def advance(self, nanoseconds: int, entries_from: int, shuffle: int = 0) -> Any:
+        """Advance, and return the response, with the journal's entries from a number on.
+
+        Unless ``shuffle`` is 0, it draws the order among topics.
+        """
         length = to_time(Duration, "step", nanoseconds / SECOND)
-        request = StepSimulation.Request(duration=length, entries_from=entries_from)
+        request = StepSimulation.Request(
+            duration=length, entries_from=entries_from, shuffle=shuffle
+        )
         return self._advance("simulation/step", request)
 
 
@@ -83,7 +91,7 @@ class Lockstep:
         with applied(process.environment):
             # of the drill
             self._client = LockstepClient(
-                namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
+                namespace, process.domain, node_name=TEST_CLIENT, patience=_PATIENCE
             )
             # of the messages of others
             self._collector = Collector(self._client)
@@ -92,6 +100,11 @@ class Lockstep:
         self._changed = True
         self._client.check_while_waiting(self._check)
         introductions = Introductions(self._collector, self._client.node)
+        self._introductions = introductions
+        self._disturbances: Disturbances | None = None  # of the nodes under test
+        self._heard_before: list[Heard] | None = None  # of resets, if it is kept
+        # Topics of the drill to which nodes under test have subscribed, in disturbed steps.
+        self._subscribed: set[str] = set()
         # that the nodes under test have declared
         self._answers = Answers(self._collector, introductions)
         # processes under test
@@ -128,6 +141,8 @@ class Lockstep:
 
     def _begin(self, seed: int, scenario: str) -> None:
         """Begin at time zero, paused, as the drill was started; nothing stays of before."""
+        self._disturbances = self._heard_before = None
+        self._subscribed.clear()
         self._systems.stop()
         self._answers.declare(())
         try:
@@ -146,6 +161,8 @@ class Lockstep:
     def _reset(self, seed: int | None) -> None:
         """Take the drill back to time zero; what came before is forgotten, nodes go on."""
         self._settle()  # messages from before are none of after
+        if self._heard_before is not None:
+            self._heard_before.append(heard_of(self._collector, self._computed))
         DrillClient.reset(self._client, seed=seed)
         self._collector.time = 0
         self._settle()
@@ -249,22 +266,32 @@ class Lockstep:
         systems.await_answerers()
         self._answers.begin()
         accompanied = len(collector.node.get_node_names()) > _OWN_NODES
-        while collector.time < until:
-            length = until - collector.time
-            if accompanied or collector.hears_others:
-                length = min(length, _LONGEST_ADVANCE)
-            with self._guarded():
-                response = self._client.advance(length, self._computed.count)
-            collector.time = join_seconds(response.time.sec, response.time.nanosec)
-            collector.published = self._client.published
-            self._computed.add(response.entries)
-            self._computed.reach(collector.time, response.status)
-            collector.take()
-        period = self._answers.period
-        if period and until % period == 0:
-            systems.await_answers(until)
-        systems.await_commands(response.status)
+        with self._disturbed(until) as shuffle:
+            while collector.time < until:
+                length = until - collector.time
+                if accompanied or collector.hears_others:
+                    length = min(length, _LONGEST_ADVANCE)
+                with self._guarded():
+                    response = self._client.advance(length, self._computed.count, shuffle)
+                collector.time = join_seconds(response.time.sec, response.time.nanosec)
+                collector.published = self._client.published
+                self._computed.add(response.entries)
+                self._computed.reach(collector.time, response.status)
+                collector.take()
+            period = self._answers.period
+            if period and until % period == 0:
+                systems.await_answers(until)
+            systems.await_commands(response.status)
         self._changed |= accompanied
+
+    def _disturbed(self, until: int) -> contextlib.AbstractContextManager[int]:
+        """Return a context in which a step is disturbed, with the seed of the order of topics."""
+        if self._disturbances is None:
+            return contextlib.nullcontext(0)
+        topics = self._introductions.subscribed
+        self._subscribed.update(name for name in TOPICS if self._collector.resolve(name) in topics)
+        self._subscribed.update({"/clock"} & topics)
+        return self._disturbances.step(until, self._systems.processes)
 
     def _await_start(self) -> None:
         status = self._collector.own("status")

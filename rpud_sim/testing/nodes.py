@@ -98,6 +98,17 @@ class Introductions:
             if not node.count_services(service)
         )
 
+    @property
+    def subscribed(self) -> set[str]:
+        """Absolute names of the topics that nodes under test subscribe to."""
+        node, found = self._collector.node, set[str]()
+        for name, namespace in node.get_node_names_and_namespaces():
+            if f"{namespace.rstrip('/')}/{name}" not in self._not_tested:
+                with suppress(RuntimeError):  # it has just gone
+                    topics = node.get_subscriber_names_and_types_by_node(name, namespace)
+                    found.update(topic for topic, _ in topics)
+        return found
+
     def renew(self) -> None:
         """Have all nodes introduced again: the test subscribes to other topics."""
         self._introduced.clear()

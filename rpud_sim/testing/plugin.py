@@ -1,12 +1,14 @@
 """Plugin of pytest: drills in lockstep, what a failing test leaves behind, and campaigns.
 
 Fixtures: ``drill``, ``drill_factory``, ``recording``. Mark: ``rpud``. Options:
-``--rpud-artefacts DIR``, ``--rpud-keep``. pytest loads this module in every run, so it imports
-nothing heavy before a fixture or the mark is used.
+``--rpud-artefacts DIR``, ``--rpud-keep``, ``--rpud-shake N``, ``--rpud-shake-seed S``. pytest loads
+this module in every run, so it imports nothing heavy before a fixture or the mark is used.
 """
 
 from __future__ import annotations
 
+import argparse
+import secrets
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
-from rpud_sim.testing.item_drills import DRILLS, POOL, give_back_drills, take_drill
+from rpud_sim.testing.item_drills import DRILLS, FLIGHT, POOL, give_back_drills, take_drill
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import Drill
@@ -35,6 +37,7 @@ _UNOBSERVED = (
 _VERDICT: Any = "verdict"
 
 
+_SEED = "rpud_shake_seed"
 _ERROR = pytest.StashKey[str]()  # in the mark of an item
 _PAGES = pytest.StashKey[Executor]()  # that writes report pages, one at a time
 
@@ -53,6 +56,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="leave the same of each passing test with a drill",
     )
+    group.addoption(
+        "--rpud-shake",
+        metavar="N",
+        type=_count,
+        default=0,
+        help="fly each passing test with a drill N times more, stop the processes under test for "
+        "some milliseconds, change the order among topics, and fail if anything differs",
+    )
+    group.addoption(
+        "--rpud-shake-seed",
+        metavar="S",
+        type=_count,
+        help="seed of what --rpud-shake does (default: drawn and printed)",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -60,6 +77,21 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", _MARK)
     config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning:lark")
     config.pluginmanager.register(CampaignSession(config), NAME)
+    if config.option.rpud_shake_seed is None:
+        given = getattr(config, "workerinput", {})  # of a worker of xdist
+        config.option.rpud_shake_seed = given.get(_SEED, secrets.randbelow(1_000_000))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Give a worker of xdist the seed, as all of them draw from one."""
+    node.workerinput[_SEED] = node.config.option.rpud_shake_seed
+
+
+def pytest_report_header(config: pytest.Config) -> list[str]:
+    """Return how often tests are shaken, and the seed."""
+    count, seed = config.option.rpud_shake, config.option.rpud_shake_seed
+    return [f"rpud_sim: {count} shaken flights of each test with a drill, seed {seed}"][: count > 0]
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -82,12 +114,34 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Warn of a test that has passed, and whose drills might have done anything."""
-    result = yield
-    drills = item.stash.get(DRILLS, [])
+    """Warn of a test that has passed, and whose drills might have done anything.
+
+    A shaken test that differs from its first flight fails.
+    """
+    flight = item.stash.get(FLIGHT, None)
+    try:
+        result = yield
+    finally:
+        drills = item.stash.get(DRILLS, [])
+        if flight is not None:
+            flight.land(drills)
+    if flight is not None:
+        flight.fail()
     if drills and not any(drill.observed for drill in drills):
         item.warn(pytest.PytestWarning(_UNOBSERVED))
     return result
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Fly a test and its shaken flights, where they are asked for."""
+    option = item.config.option
+    if not option.rpud_shake or option.setuponly:
+        return None
+    from rpud_sim.testing.shake import shake
+
+    shake(item, nextitem, option.rpud_shake, option.rpud_shake_seed)
+    return True
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -172,6 +226,12 @@ def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
     record = Recording(drill, tmp_path / "recording")
     yield record
     record.stop()
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    return int(text)
 
 
 def _setup_of(item: pytest.Item, further: dict[str, Any] | None = None) -> Any:

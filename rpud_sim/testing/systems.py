@@ -36,6 +36,7 @@ class SystemUnderTest(ChildProcess):
     """Process that a test has started."""
 
     expected = False  # whether it may end: the test has ended it
+    paused = False  # whether the test has stopped it
     note: Callable[[str], None]  # writes down what the test does with it
 
     def stop(self) -> None:
@@ -52,7 +53,14 @@ class SystemUnderTest(ChildProcess):
     def send(self, number: int) -> None:
         if self.running:
             self.note(f"{signal.Signals(number).name} to {self.name}")
+        if number in (signal.SIGSTOP, signal.SIGCONT):
+            self.paused = number == signal.SIGSTOP
         super().send(number)
+
+    def disturb(self, number: int) -> None:
+        """Send a signal that is no act of the test: it is not noted, and ends no pause."""
+        if self.running and not self.paused:
+            super().send(number)
 
     def pause(self) -> None:
         """Let it stand still, as one that hangs; the test awaits its declared answers all the same.

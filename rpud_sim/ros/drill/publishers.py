@@ -10,12 +10,14 @@ from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from time import sleep
 
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.encoder import Encoder
+from rpud_sim.ros.drill.drawn_order import DrawnOrder
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.batch import Batch, rows_of
@@ -23,7 +25,8 @@ from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
-Encoded = tuple[str, bytes]  # topic and serialized message
+# Simulation time at which it is published [ns], topic, and serialized message.
+Encoded = tuple[int, str, bytes]
 
 RESULTS = "command_results"
 # Topics of a running drill only, no part of a simulation.
@@ -114,7 +117,8 @@ class DrillPublishers:
         """Serialize messages, in their order, of topics that are wanted."""
         wanted = (batch for batch in batches if batch.topic in self.wanted)
         return [
-            (topic, self._encoders[topic].encode(fields)) for _, topic, fields in rows_of(wanted)
+            (time, topic, self._encoders[topic].encode(fields))
+            for time, topic, fields in rows_of(wanted)
         ]
 
     def publish(self, batches: Iterable[Batch]) -> None:
@@ -122,8 +126,20 @@ class DrillPublishers:
         self.send(self.encode(batches))
 
     def send(self, messages: Iterable[Encoded]) -> None:
-        for name, message in messages:
+        for _, name, message in messages:
             self._send(name, message)
+
+    def send_shuffled(
+        self, messages: Iterable[Encoded], time: int, stamp: int, order: DrawnOrder
+    ) -> None:
+        """Publish the messages up to a simulation time [ns] in a drawn order, with pauses.
+
+        ``/clock`` with the stamp of this time [ns] is one of their topics.
+        """
+        clock = [(time, "/clock", encoded)] if (encoded := self._clock(stamp)) else []
+        for pause, part in order.parts([*messages, *clock]):
+            sleep(pause)
+            self.send(part)
 
     def defer(self, stream: Stream) -> None:
         """Keep messages without a deadline for ``publish_deferred``."""
@@ -141,12 +157,17 @@ class DrillPublishers:
 
     def publish_clock(self, stamp: int) -> None:
         """Publish a time [ns] on ``/clock``, if the node is its source."""
-        if "/clock" in self._encoders:
-            self._send("/clock", self._encoders["/clock"].encode({"clock": time_fields(stamp)}))
+        if encoded := self._clock(stamp):
+            self._send("/clock", encoded)
 
     def destroy(self) -> None:
         for each in (*self.own.values(), *self._others.values()):
             self._node.destroy_publisher(each.publisher)
+
+    def _clock(self, stamp: int) -> bytes:
+        """Return a message of ``/clock``; empty if the node is not its source."""
+        encoder = self._encoders.get("/clock")
+        return encoder.encode({"clock": time_fields(stamp)}) if encoder else b""
 
     def _publish_part(self) -> None:
         for batch in self._deferred[0]:

@@ -231,18 +231,23 @@ class DrillServices:
 
         self._loop.request(act)
 
-    def step_until(self, until_of: Callable[[Session], int]) -> Reached:
-        """Step to a time [ns] that is found between two blocks, or raise InterruptedStepError."""
+    def step_until(self, until_of: Callable[[Session], int], shuffle: int = 0) -> Reached:
+        """Step to a time [ns] that is found between two blocks, or raise InterruptedStepError.
+
+        ``shuffle`` is as in ``Session.step``.
+        """
 
         def begin(session: Session) -> Any:
             _check_own_time(session, "step")
-            return session.step(until_of(session))
+            return session.step(until_of(session), shuffle)
 
         reached: Reached = self._loop.request(begin)
         return reached
 
-    def _advance(self, request: Any, response: Any, until_of: Callable[[Session], int]) -> None:
-        reached = self.step_until(until_of)
+    def _advance(
+        self, request: Any, response: Any, until_of: Callable[[Session], int], shuffle: int = 0
+    ) -> None:
+        reached = self.step_until(until_of, shuffle)
         response.time = nanoseconds_to_time(reached.stamp)
         response.topics = list(reached.published)
         response.published = list(reached.published.values())
@@ -253,7 +258,8 @@ class DrillServices:
 
     def _step(self, request: StepSimulation.Request, response: Any) -> None:
         length = join_seconds(request.duration.sec, request.duration.nanosec)
-        self._advance(request, response, lambda session: session.run.time + length)
+        shuffle = int(request.shuffle)
+        self._advance(request, response, lambda session: session.run.time + length, shuffle)
 
     def _run_to(self, request: RunToTime.Request, response: Any) -> None:
         stamp = join_seconds(request.time.sec, request.time.nanosec)

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.ros.drill.commands import Inbox
+from rpud_sim.ros.drill.drawn_order import DrawnOrder
 from rpud_sim.ros.drill.health import StatusReporter
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.publishers import DrillPublishers, Encoded
@@ -59,6 +60,7 @@ class Session:
         self._computing = False  # whether a run is on its way to the instant of a fork
         self._unreported = False  # whether the status lacks changes
         self._lost = False  # whether commands were lost when they acted last
+        self._shuffle = 0  # seed of the order among topics in the present step; 0 for their times
         self._clock_due = 0.0
         self._logger = node.get_logger()
         offered = offered_topics(settings.values())
@@ -178,8 +180,12 @@ class Session:
     def publish(self, messages: list[Encoded], impacts: list[int]) -> None:
         """Publish the messages of a block at its deadline."""
         pacer = self.timeline.pacer
-        self.publishers.publish_clock(self.stamp)
-        self.publishers.send(messages)
+        if self.timeline.goal is not None and self._shuffle:
+            order = DrawnOrder(self._shuffle, self._first_settings.telemetry_rate)
+            self.publishers.send_shuffled(messages, self.run.time, self.stamp, order)
+        else:
+            self.publishers.publish_clock(self.stamp)
+            self.publishers.send(messages)
         pacer.finish(self.run.time)
         if pacer.paces:
             for struck in impacts:
@@ -254,9 +260,13 @@ class Session:
         self.reset(time=True, state=True)
         self.timeline.stop()
 
-    def step(self, goal: int) -> Future[Reached]:
-        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError."""
+    def step(self, goal: int, shuffle: int = 0) -> Future[Reached]:
+        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError.
+
+        Unless ``shuffle`` is 0, it draws the order of the messages on different topics.
+        """
         self.timeline.check_step(self.run.time, goal)
+        self._shuffle = shuffle
         self.publishers.own.renew()
         self.act()  # commands were given before
         if self._unreported:

@@ -50,7 +50,7 @@ class Publishers(DrillPublishers):
 
     def encode(self, entries):
         encoded = super().encode(entries)
-        if any(name == "nodal_plane" for name, _ in encoded):
+        if any(name == "nodal_plane" for _, name, _ in encoded):
             self.computed.append(self.clock())
             self.meanwhile()  # what happens while a block is computed
         return encoded
