@@ -34,12 +34,12 @@ FIELDS = {
     "actuator_state": ("temperature", -8),
     "borehole": ("side_offset", -8),
     "contact_force": ("energy_transferred", -9),
-    "drill_tool": ("in_contact", -1),
+    "drill_tool": ("in_contact", -16),
     "faults": ("forgotten", -8),
     "joint_states": ("effort[2]", -8),
     "mount": ("slip", -8),
-    "nodal_plane": ("velocity", -8),
-    "reacting_force": ("force", -8),
+    "nodal_plane": ("impacts", -8),
+    "reacting_force": ("force", -16),
     "rotation": ("stalled", -1),
     "trajectory": ("drill_tool_sine[", -8),
     "waveform": ("reacting_force[", -8),
@@ -115,7 +115,7 @@ def test_what_is_altered_or_added_is_named(
 def test_padding_between_fields_is_ignored(bag, tmp_path):
     codec = Codec("rpud_msgs/msg/ReactingForce", find_definition("rpud_msgs/msg/ReactingForce"))
     original = messages_of(bag, {"/rpud/reacting_force"})[3].data
-    place = len(original) - 9  # the frame's name ends at an odd place, and a double does not
+    place = len(original) - 17  # the frame's name ends at an odd place, and a double does not
     assert first_field(codec.decode(flipped(original, place)), codec.decode(original)) is None
     change = numbered("reacting_force", 3, lambda m: [flipped(m.data, place)])
     assert verify(altered(bag, tmp_path / "bag", change)).proved
