@@ -71,7 +71,8 @@ class Supervisor(Node):
         self._drives = self.create_publisher(Drive, "command/drive", 10)
         # The clock comes last: an executor looks at subscriptions in the order of their creation.
         self.create_subscription(Status, "status", self._on_status, LATCHED)
-        self.create_subscription(ContactForce, "contact_force", self._on_impact, 1)  # the last
+        # The latest impact alone: of a deep queue the executor would take old ones first.
+        self.create_subscription(ContactForce, "contact_force", self._on_impact, 1)
         self.create_subscription(ReactingForce, "reacting_force", self._on_reading, 1000)
         self.create_subscription(WrenchStamped, "wrench", self._on_clock, 1000)
         self._engage = self.create_client(SetBool, "engage")

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -18,6 +19,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from rpud_sim.ros.drill.drill_node import DrillNode
+from rpud_sim.simulation.batch import rows_of
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from toolchain import reference
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -132,6 +137,29 @@ def rows(page, heading):
     text = (DOCS / page).read_text()
     section = re.split(r"\n#+ ", text.partition(f"# {heading}\n")[2])[0]
     return [cells(line) for line in section.splitlines() if line.startswith("| `")]
+
+
+@pytest.mark.parametrize("depth", [1, 2000])
+def test_the_callbacks_of_lockstep_decide_with_every_impact(depth):
+    """Of each step all samples come first, as from an executor that favours them."""
+    [block] = [
+        text for kind, text in blocks(DOCS / "explanation" / "lockstep.md") if kind == "python"
+    ]
+    exec(block, scope := {})
+    run, node, decided = Run(Plan(Beginning(to_settings({})))), scope["Impacts"](), []
+    node.decide = lambda sample: decided.append((sample.impacts, node.count))
+    for second in (1, 2):
+        heard = {"reacting_force": [], "contact_force": []}
+        for _, topic, fields in rows_of(run.advance_to(second * 1_000_000_000)):
+            heard.get(topic, []).append(SimpleNamespace(**fields))
+        for sample in heard["reacting_force"]:
+            node.on_sample(sample)
+        assert len(decided) < 100 * second  # impacts are missing
+        for impact in heard["contact_force"][-depth:]:
+            node.on_impact(impact)
+        assert len(decided) == 100 * second
+    assert all(impacts <= count for impacts, count in decided)
+    assert node.count == decided[-1][0] > 500
 
 
 @pytest.mark.parametrize("name", reference.FILES)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_type_hash
@@ -251,7 +251,7 @@ class _Proof:
         first = next(iter(self._bag.messages({status.topic.name})))
         late = self._bag.messages({status.topic.name}, max(0, self._bag.duration - _END))
         last = deque(chain([first], late), maxlen=1)[0]
-        with suppress(rpud_sim.bag.BagFormatError, TypeError):  # of another definition
+        with suppress(BagFormatError, TypeError):  # of another definition
             codec = Codec(status.topic.type, status.definition or "")
             before, after = codec.decode(first.data), codec.decode(last.data)
             taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
@@ -273,9 +273,26 @@ def _proof_codec(summary: TopicSummary) -> Codec:
     expected = TOPICS[topic.name.rpartition("/")[2]].type
     if topic.type != expected:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
-    if topic.type_hash not in ("", find_type_hash(expected)):
-        raise UnverifiableError(f"{topic.name} is of another version of {expected}")
-    return installed_codec(expected)
+    installed, installed_hash = installed_codec(expected), find_type_hash(expected)
+    if topic.type_hash == installed_hash or not (topic.type_hash or summary.definition):
+        return installed
+    try:
+        recorded = Codec(expected, summary.definition or "")
+    except BagFormatError as error:
+        raise UnverifiableError(f"{topic.name}: {error}") from None
+    # Some writers give no hash. Messages of another length would differ, and nobody altered them.
+    if (topic.type_hash or recorded.type_hash) != installed_hash:
+        raise UnverifiableError(
+            f"{topic.name} is of another version of {expected}{_lacking(recorded, installed)}"
+        )
+    return installed
+
+
+def _lacking(recorded: Codec, installed: Codec) -> str:
+    """Return which fields a recorded type lacks, as the end of a sentence."""
+    held, known = ([name for name, _ in each.members.members] for each in (recorded, installed))
+    fields = [name for name in known if name not in held]
+    return f", without {', '.join(fields)}" if fields else ""
 
 
 class _Suspect(NamedTuple):

@@ -63,7 +63,7 @@ def stamp_of(fields: Fields) -> Any:
     return stamp["sec"] * SECOND + stamp["nanosec"]
 
 
-# Topics that hold samples alone: the channel of each field.
+# Topics that hold samples and the number of impacts: the channel of each sampled field.
 SAMPLED: Mapping[str, Mapping[str, str]] = {
     "nodal_plane": {"position": "nodal_plane_position", "velocity": "nodal_plane_velocity"},
     "drill_tool": {
@@ -75,11 +75,11 @@ SAMPLED: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def sampled_fields(topic: str, samples: Samples, stamps: np.ndarray) -> Fields:
-    """Columns of a topic of ``SAMPLED``."""
+def sampled_fields(topic: str, samples: Samples, impacts: np.ndarray, stamps: np.ndarray) -> Fields:
+    """Columns of a topic of ``SAMPLED``; ``impacts`` ended up to each stamp since time zero."""
     channels = SAMPLED[topic].items()
     values = {name: getattr(samples, channel) for name, channel in channels}
-    return {"header": header_fields(topic, stamps), **values}
+    return {"header": header_fields(topic, stamps), **values, "impacts": impacts}
 
 
 # Joints of urdf/rpud_feed.urdf.

@@ -66,6 +66,7 @@ class Telemetry:
         self._pending: list[Block] = []
         self.origin = 0  # stamp of simulation time zero [ns]
         self._segments = 0  # in messages of the trajectory, or left out
+        self._impacts = 0  # that ended since simulation time zero
         # Time and work of the actuator's last sample.
         self._actuator_time = 0
         self._actuator_work = 0.0
@@ -111,6 +112,9 @@ class Telemetry:
     def _sampled(self, block: Block, span: int) -> Iterator[Batch]:
         """Yield the impacts of a block, and what is due at its parts' ends if these are bounds."""
         parts, ends = np.arange(len(block)), block.ends
+        # Not the messages of contact_force: a signal fault may lose some of them.
+        impacts = self._impacts + block.struck
+        self._impacts += len(block.impacts)
         if len(block.impacts):
             struck = block.struck.searchsorted(np.arange(len(block.impacts)), side="right")
             fields = contact_force_fields(block.impacts, self.origin)
@@ -121,7 +125,7 @@ class Telemetry:
         stamps = self.origin + ends
         samples = block.sample_ends()
         for topic in SAMPLED:
-            yield _batch(topic, parts, ends, sampled_fields(topic, samples, stamps), span)
+            yield _batch(topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), span)
         fields = wrench_fields(samples, stamps, block.states)
         yield _batch("wrench", parts, ends, fields, span)
         for topic in PROCESS_TOPICS:

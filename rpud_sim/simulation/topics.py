@@ -90,7 +90,7 @@ GROUND_TRUTH = ("waveform", "trajectory", "borehole")
 class Channel:
     """Measured fields of a topic, by their paths in the message.
 
-    Stamps, frames and sequence numbers are no measurements: no fault changes them.
+    Stamps, frames, sequence numbers and counts are no measurements: no fault changes them.
     """
 
     unit: str  # SI unit of the main quantity, on which noise and bias act

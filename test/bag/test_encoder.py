@@ -154,9 +154,9 @@ LISTS = {"header": HEADER, "name": [], "velocity": array("d"), "effort": array("
     ("kind", "values", "error"),
     [
         (FORCE, {"header": HEADER}, KeyError),
-        (FORCE, {"header": HEADER, "force": "1"}, struct.error),
-        (FORCE, {"header": {**HEADER, "frame_id": 1}, "force": 1.0}, AttributeError),
-        (FORCE, {"header": LATE, "force": 1.0}, struct.error),
+        (FORCE, {"header": HEADER, "force": "1", "impacts": 0}, struct.error),
+        (FORCE, {"header": {**HEADER, "frame_id": 1}, "force": 1.0, "impacts": 0}, AttributeError),
+        (FORCE, {"header": LATE, "force": 1.0, "impacts": 0}, struct.error),
         (JOINTS, {**LISTS, "position": array("f", [1.0])}, TypeError),
         (JOINTS, {**LISTS, "position": [1.0]}, TypeError),
     ],
@@ -168,5 +168,6 @@ def test_what_does_not_fit_is_an_error(kind, values, error):
 
 def test_a_column_that_does_not_fit_is_an_error():
     header = {"stamp": {"sec": np.array([1, 2**31]), "nanosec": np.array([0, 0])}, "frame_id": ""}
+    fields = {"header": header, "force": 1.0, "impacts": 0}
     with pytest.raises(ValueError, match="does not fit int32"):
-        installed_codec(FORCE).encoder.encode_columns({"header": header, "force": 1.0}, 2)
+        installed_codec(FORCE).encoder.encode_columns(fields, 2)

@@ -41,7 +41,7 @@ class ForceRecorder:
         """Write messages: rows are log time [ns], stamp [ns] and value [N]."""
         self._declare(topic, FORCE)
         for log_time, stamp, value in rows:
-            data = self._codec.encode({"header": header(stamp), "force": value})
+            data = self._codec.encode({"header": header(stamp), "force": value, "impacts": 0})
             self._bag.write_message(topic, data, log_time, log_time)
         self._bag.flush()
 

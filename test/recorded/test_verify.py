@@ -34,12 +34,12 @@ FIELDS = {
     "actuator_state": ("temperature", -8),
     "borehole": ("side_offset", -8),
     "contact_force": ("energy_transferred", -9),
-    "drill_tool": ("in_contact", -1),
+    "drill_tool": ("in_contact", -16),
     "faults": ("forgotten", -8),
     "joint_states": ("effort[2]", -8),
     "mount": ("slip", -8),
-    "nodal_plane": ("velocity", -8),
-    "reacting_force": ("force", -8),
+    "nodal_plane": ("impacts", -8),
+    "reacting_force": ("force", -16),
     "rotation": ("stalled", -1),
     "trajectory": ("drill_tool_sine[", -8),
     "waveform": ("reacting_force[", -8),
@@ -115,7 +115,7 @@ def test_what_is_altered_or_added_is_named(
 def test_padding_between_fields_is_ignored(bag, tmp_path):
     codec = Codec("rpud_msgs/msg/ReactingForce", find_definition("rpud_msgs/msg/ReactingForce"))
     original = messages_of(bag, {"/rpud/reacting_force"})[3].data
-    place = len(original) - 9  # the frame's name ends at an odd place, and a double does not
+    place = len(original) - 17  # the frame's name ends at an odd place, and a double does not
     assert first_field(codec.decode(flipped(original, place)), codec.decode(original)) is None
     change = numbered("reacting_force", 3, lambda m: [flipped(m.data, place)])
     assert verify(altered(bag, tmp_path / "bag", change)).proved
@@ -191,25 +191,53 @@ def test_a_recording_of_a_part_is_proved(bag, tmp_path):
     assert verification.topics["/rpud/nodal_plane"].equal == 19
 
 
+def redefined(bag, out, name, definition, change=bytes, *, hashed=True):
+    """Copy a bag, with another definition and other messages of one topic."""
+    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(out) as writer:
+        for summary in reader.topics:
+            topic, text = summary.topic, summary.definition
+            if topic.name == f"/rpud/{name}":
+                type_hash = Codec(topic.type, definition).type_hash if hashed else ""
+                topic, text = dataclasses.replace(topic, type_hash=type_hash), definition
+            writer.add_topic(topic, text)
+        for message in reader.messages():
+            data = change(message.data) if message.topic == f"/rpud/{name}" else message.data
+            writer.write_message(message.topic, data, message.log_time, message.publish_time)
+    return out
+
+
 @pytest.mark.parametrize(
     ("old", "new"), [("float64 energy ", "float32 energy "), ("float64 energy ", "float64 power ")]
 )
 def test_a_type_with_a_field_of_its_own_cannot_be_proved(bag, tmp_path, old, new):
     definition = find_definition("rpud_msgs/msg/ContactForce").replace(old, new)
-    out = tmp_path / "bag"
-    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(out) as writer:
-        for summary in reader.topics:
-            topic, text = summary.topic, summary.definition
-            if topic.name == "/rpud/contact_force":
-                other = Codec(topic.type, definition)
-                topic, text = dataclasses.replace(topic, type_hash=other.type_hash), definition
-            writer.add_topic(topic, text)
-        for message in reader.messages():
-            writer.write_message(
-                message.topic, message.data, message.log_time, message.publish_time
-            )
+    out = redefined(bag, tmp_path / "bag", "contact_force", definition)
     with pytest.raises(UnverifiableError, match="/rpud/contact_force is of another version of"):
         verify(out)
+
+
+@pytest.mark.parametrize("topic", ["nodal_plane", "drill_tool", "reacting_force"])
+@pytest.mark.parametrize("hashed", [True, False], ids=["with a hash", "without a hash"])
+def test_a_bag_of_before_the_number_of_impacts_cannot_be_proved(bag, tmp_path, topic, hashed):
+    kind = TOPICS[topic].type
+    lines = find_definition(kind).splitlines(keepends=True)
+    definition = "".join(line for line in lines if not line.startswith("uint64 impacts"))
+    out = redefined(bag, tmp_path / "bag", topic, definition, lambda data: data[:-8], hashed=hashed)
+    with pytest.raises(UnverifiableError) as error:
+        verify(out)
+    assert str(error.value) == f"/rpud/{topic} is of another version of {kind}, without impacts"
+
+
+@pytest.mark.parametrize("definition", [None, "", "float64 force\nfloat64 force"])
+def test_a_type_without_hash_and_definition_is_taken_as_the_installed_one(
+    bag, tmp_path, definition
+):
+    out = redefined(bag, tmp_path / "bag", "reacting_force", definition, hashed=False)
+    if definition:
+        with pytest.raises(UnverifiableError, match="has two fields of one name"):
+            verify(out)
+    else:
+        assert verify(out).proved
 
 
 # --- messages that a bag lacks ------------------------------------------------------------------

@@ -14,7 +14,7 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.batch import rows_of, spans
 from rpud_sim.simulation.block import boundary
-from rpud_sim.simulation.changes import Change, Inject
+from rpud_sim.simulation.changes import Change, Inject, SetOrigin
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
@@ -141,6 +141,37 @@ def test_what_has_no_listener_is_left_out_but_counted():
     assert len(more["joint_states"]) == 10
 
 
+COUNTING = ("nodal_plane", "drill_tool", "reacting_force")
+
+
+def counts(messages):
+    """Number of impacts that each message names, by its stamp."""
+    return {fields.stamp_of(values): values["impacts"] for _, values in messages}
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_the_impacts_of_a_sample_are_those_that_had_ended(regime):
+    found = published(started({"telemetry_rate": 1000, "regime": regime}), END)
+    impacts = Simulation(to_settings({"regime": regime}).configuration).advance_to(END).impacts
+    ended = impacts["seconds"] + impacts["fraction"]
+    if regime == "drilling":  # before drilling an impact takes no time
+        ended = ended + impacts["contact_duration"]
+    for topic in COUNTING:
+        for stamp, count in counts(found[topic]).items():
+            time = (stamp - ORIGIN) / SECOND
+            assert (ended < time - 1e-9).sum() <= count <= (ended < time + 1e-9).sum()
+        assert count > 50
+
+
+@pytest.mark.parametrize("kind", ["off", "intermittent", "slow", "delayed"])
+def test_an_impact_counts_also_if_a_fault_loses_its_message(kind):
+    lost = [fault(30, None, Fault(kind, "contact_force"))]
+    healthy, faulty = (published(started(faults=each), END) for each in ((), lost))
+    assert faulty["contact_force"] != healthy["contact_force"]
+    for topic in COUNTING:
+        assert counts(faulty[topic]) == counts(healthy[topic])
+
+
 CODECS = {name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()}
 VALUES = st.fixed_dictionaries(
     {
@@ -178,7 +209,9 @@ def scenarios(draw):
     return tuple(Change(draw(TIMES), Inject(each, draw(LENGTHS))) for each in chosen)
 
 
-COMMANDS = st.sampled_from([WeightOnBit(0.0), WeightOnBit(25.0), Drive(False, 0.0, 0.0)])
+COMMANDS = st.sampled_from(
+    [WeightOnBit(0.0), WeightOnBit(25.0), Drive(False, 0.0, 0.0), SetOrigin(7)]
+)
 STEPS = st.lists(st.tuples(TIMES, st.none() | COMMANDS | FAULTS), max_size=4)
 
 
@@ -189,6 +222,10 @@ def serialized(messages):
 
 def told(values, faults, steps, *, by_block):
     """Messages of a run under commands and faults, block by block or as far as it goes at once."""
+    return serialized(rows(values, faults, steps, by_block=by_block))
+
+
+def rows(values, faults, steps, *, by_block):
     run = Run(Plan(Beginning(to_settings(values), 0.3, 5, faults)), Journal())
     run.begin(ORIGIN)
     batches = []
@@ -204,10 +241,12 @@ def told(values, faults, steps, *, by_block):
                 run.apply(Inject(change, 50 * MILLISECOND * (number % 2)))
         elif isinstance(change, WeightOnBit) and "feed_model" in values:
             run.control.apply(Feed("rate", 1e-4 * change.force))
+        elif isinstance(change, SetOrigin):
+            run.apply(change)
         elif change is not None:
             run.control.apply(change)
         batches += run.changes()
-    return serialized(rows_of([*batches, *run.flush(ends=True)]))
+    return rows_of([*batches, *run.flush(ends=True)])
 
 
 @settings(max_examples=12)
@@ -217,6 +256,21 @@ def told(values, faults, steps, *, by_block):
 def test_spans_of_blocks_give_the_same_as_block_by_block(values, faults, steps):
     expected = told(values, faults, steps, by_block=True)
     assert told(values, faults, steps, by_block=False) == expected
+
+
+@pytest.mark.parametrize("by_block", [True, False])
+@settings(max_examples=12)
+@given(VALUES, st.lists(st.tuples(TIMES, COMMANDS), max_size=3))
+@example({}, [(300 * MILLISECOND, SetOrigin(7))])
+def test_a_sample_has_as_many_impacts_as_were_published_before_it(by_block, values, steps):
+    before = samples = 0
+    for _, topic, message in rows(values, (), steps, by_block=by_block):
+        if topic == "contact_force" and message["sequence"] == before:
+            before += 1
+        elif topic in COUNTING:
+            samples += 1
+            assert message["impacts"] == before
+    assert samples >= 3 * values.get("telemetry_rate", 100)
 
 
 def together(values, *times):

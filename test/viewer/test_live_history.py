@@ -92,7 +92,7 @@ def test_a_fault_is_shown_to_who_joins_after_a_reset(reset):
 def test_all_quantities_of_the_whole_run_are_kept(history):
     sinks = history.sinks()
     for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
-        sinks["reacting_force"](ORIGIN + time, (force,))
+        sinks["reacting_force"](ORIGIN + time, (force, 0))
         sinks["contact_force"](ORIGIN + time, (0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False))
     history.settle()
     for found in history.bins:
@@ -142,7 +142,7 @@ def test_a_command_that_is_heard_before_its_time_is_a_step(history, frame):
 
 def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, frame):
     block = 1e-4, tuple(np.full(200, number) for number in range(6))
-    hear(history, "reacting_force", 0, 1.0)
+    hear(history, "reacting_force", 0, 1.0, 0)
     hear(history, "waveform", SECOND, 0, *block)
     assert frame(section=True)["section"]["impacts"] == []
     assert "section" not in frame(section=True)
@@ -153,7 +153,7 @@ def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, fram
 
 def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(history):
     arrays = tuple(np.full(100, number) for number in range(6))
-    hear(history, "reacting_force", SECOND // 2, 7.0)
+    hear(history, "reacting_force", SECOND // 2, 7.0, 0)
     hear(history, "waveform", SECOND // 2, 0, 1e-3, arrays)
     history.settle()
     assert history.block is None  # other topics may not be history yet
@@ -182,12 +182,12 @@ def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_be
 
 def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):
     """A pause of 60 s is over; the status with a new stamp comes before the journal says so."""
-    hear(history, "reacting_force", 1 * SECOND, 5.0)
-    history.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0,))
+    hear(history, "reacting_force", 1 * SECOND, 5.0, 0)
+    history.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0, 0))
     history.latched("status", status(61_200_000_000))
     pause = 60 * SECOND
     history.latched("journal", entry(1, "origin", 1_200_000_000, ORIGIN + pause))
-    hear(history, "reacting_force", 1_300_000_000 + pause, 7.0)
+    hear(history, "reacting_force", 1_300_000_000 + pause, 7.0, 0)
     assert history.time == 1.3
     bins = history.bins[0].view("reacting_force force", 0.0, 100.0, 10_000)
     used = bins["mean"] > 0.0

@@ -153,7 +153,7 @@ def test_the_moment_of_the_playhead_has_figures_status_and_motion(store, impacts
     assert numbers["penetration_rate"] is None  # this drill has no rock
     assert frame["status"]["regime"] == "drilling"
     assert frame["status"]["weight_on_bit"] == 8.0
-    assert frame["values"]["reacting_force"].keys() == {"force"}
+    assert frame["values"]["reacting_force"].keys() == {"force", "impacts"}
     section = frame["section"]
     last = section["time"] + section["period"] * (len(section["free_mass"]) - 1)
     assert last == pytest.approx(time, abs=1e-4)
