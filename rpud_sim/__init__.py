@@ -1,1 +1,74 @@
-"""A real-time simulator of a rotary-percussive ultrasonic drill."""
+"""Simulator of a rotary-percussive ultrasonic drill.
+
+::
+
+    import rpud_sim
+
+    run = rpud_sim.simulate(20, weight_on_bit=20)     # 20 s at 20 N
+    run.figures["drill_tool_impact_rate"]             # 1/s
+    run["contact_force"]["peak_force"]                # a NumPy array [N]
+    run.plot()
+
+    drill = rpud_sim.Drill(weight_on_bit=8)           # step by step
+    drill.press(20)
+    drill.step(0.1)
+
+Values are in SI units, times in seconds, positions positive toward the rock. Other modules of the
+package that docs/reference/python.md does not name are private.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rpud_sim.foundation.quantities import ParameterError
+    from rpud_sim.recorded.compare import compare
+    from rpud_sim.recorded.verify import verify
+    from rpud_sim.scripting.bags import DrillBag, open
+    from rpud_sim.scripting.drill import Drill
+    from rpud_sim.scripting.runs import DrillRun, simulate
+    from rpud_sim.simulation.configuration import PARAMETERS
+
+    __version__: str
+
+_MODULES = {
+    "foundation.quantities": ("ParameterError",),
+    "recorded.compare": ("compare",),
+    "recorded.verify": ("verify",),
+    "scripting.bags": ("DrillBag", "open"),
+    "scripting.drill": ("Drill",),
+    "scripting.runs": ("DrillRun", "simulate"),
+    "simulation.configuration": ("PARAMETERS",),
+}
+
+__all__ = [
+    "PARAMETERS",
+    "Drill",
+    "DrillBag",
+    "DrillRun",
+    "ParameterError",
+    "__version__",
+    "compare",
+    "open",
+    "simulate",
+    "verify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public name, and keep it; the package itself imports nothing."""
+    if name == "__version__":
+        from rpud_sim.simulation.versions import version_of
+
+        return globals().setdefault(name, version_of("rpud_sim"))
+    for module, names in _MODULES.items():
+        if name in names:
+            return globals().setdefault(name, getattr(import_module(f"{__name__}.{module}"), name))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return the public names, also those that are not loaded yet."""
+    return __all__

@@ -199,14 +199,22 @@ class BagReader:
         found = self._tables.arrays(tables, self.batches(tables, start, duration))
         return found[topics] if isinstance(topics, str) else found
 
-    def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
-        """Return a topic as a pandas frame with its datetimes; the first of them is the index.
+    def frame(
+        self,
+        topic: str,
+        start: int = 0,
+        duration: int | None = None,
+        *,
+        index: str | None = None,
+    ) -> pandas.DataFrame:
+        """Return a topic as a pandas frame with its datetimes; ``attrs["units"]`` has the units.
 
-        ``start`` and ``duration`` are as for ``tables``.
+        ``index`` is the name of the column that becomes the index, such as ``header.stamp``; None
+        for the first one. ``start`` and ``duration`` are as for ``tables``.
         """
         from rpud_sim.bag.tables import to_frame
 
-        return to_frame(self._tables.table(topic), self.arrays(topic, start, duration))
+        return to_frame(self._tables.table(topic), self.arrays(topic, start, duration), index)
 
     def close(self) -> None:
         """Release the files."""

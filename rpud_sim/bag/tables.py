@@ -18,7 +18,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import RECEIVED, Column, FieldReader, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.metadata import TopicSummary
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import did_you_mean, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
 
@@ -274,15 +274,19 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(f"{name:.80}" for name in names[:_NAMES_SHOWN]) + more or "none"
 
 
-def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:
-    """Return a pandas frame with the first column as index."""
+def to_frame(
+    table: Table, columns: Mapping[str, np.ndarray], index: str | None = None
+) -> pandas.DataFrame:
+    """Return a pandas frame with a column as index, the first one by default."""
     try:
         import pandas
     except ModuleNotFoundError as error:
         if error.name != "pandas":
             raise
         raise BagError("a frame needs the Python module pandas: pip install pandas") from error
-    index = table.columns[0].name
+    index = index or table.columns[0].name
+    if index not in columns:
+        raise BagError(f"index = {index!r:.80} is no column; {did_you_mean(index, columns)}")
     dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
     series = {
         column.name: objects([*columns[column.name]])
@@ -292,7 +296,9 @@ def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFram
         else columns[column.name]
         for column in table.columns
     }
-    return pandas.DataFrame(series).set_index(index)
+    frame = pandas.DataFrame(series).set_index(index)
+    frame.attrs["units"] = {column.name: column.unit for column in table.columns}
+    return frame
 
 
 def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:

@@ -56,10 +56,16 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
     return f" (did you mean {close[0]}?)" if close else ""
 
 
+_MOST_NAMES = 30  # that a hint lists
+
+
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
-    """Return a hint for an unknown name: the nearest known one, or all of them."""
+    """Return a hint for an unknown name: the nearest known one, or all of them if they are few."""
     known = list(known)
     close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
+    if not close and len(known) > _MOST_NAMES:
+        near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.0)
+        return f"the nearest of {len(known)} are {', '.join(near)}"
     return f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
 
 

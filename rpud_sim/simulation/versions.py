@@ -10,8 +10,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import rpud_sim
-
 # Version of the engine. A release that changes any bit of a message has the next one, for a rerun
 # proves nothing about the bags of another engine. Release 0.1.0 has 1, and 0.2.0 has 3.
 ENGINE = 6
@@ -55,7 +53,7 @@ def engine_versions() -> dict[str, str]:
 
 def source_digest() -> str:
     """Return a digest of the sources of the results; it changes between versions as well."""
-    package = Path(rpud_sim.__file__).parent
+    package = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for folder in ("foundation", "model", "drilling", "simulation"):
         for source in sorted((package / folder).glob("**/*.py")):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -13,8 +13,7 @@ from rpud_msgs.msg import Status
 
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.journal import installed_codec
-from rpud_sim.recorded.offline_bag import encoded
+from rpud_sim.recorded.drill_tables import serialized
 from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.batch import Batch
@@ -27,7 +26,6 @@ from rpud_sim.testing.collector import HeardTopic
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
 
 __tracebackhide__ = is_verdict
-_codec = cache(installed_codec)
 _PADDING = 3  # that the middleware may add to a message [bytes]
 # Fields of a status that the journal does not determine.
 _OWN = {*vars(Bookkeeping()), "state", "journal_entries"}
@@ -202,7 +200,7 @@ class ComputedDrill:
                 self._keep(batch, self._batches[batch.topic])
 
     def _keep(self, batch: Batch, found: list[SerializedBatch]) -> None:
-        found.append(encoded(batch, _codec(TOPICS[batch.topic].type), "", 0))
+        found.append(serialized(batch))
 
     def _compare(self, run: Run, status: Status) -> None:
         """Raise a DrillError if the drill's status is not that of the computed run."""

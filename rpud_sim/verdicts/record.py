@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import Column, Topic, TopicSummary
+from rpud_sim.bag import Column, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.tables import Table
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, TopicBatch, TopicMessages
@@ -111,7 +109,7 @@ class Record:
     def add_serialized(self, topic: str, messages: SerializedBatch) -> None:
         """Add serialized messages of a topic of the drill."""
         topic = self._relative(topic)
-        table = _table(TYPES[topic])
+        table = drill_table(TYPES[topic])
         self._columns[topic] = table.columns
         self._add_columns(topic, table.batch(messages).columns)
         self._kept.clear()
@@ -237,13 +235,6 @@ class Record:
 
     def _absolute(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"{self._namespace}/{topic}"
-
-
-@cache
-def _table(type_name: str) -> Table:
-    """Return the table of a type of the drill."""
-    topic = Topic("", type_name)
-    return Table(TopicSummary(topic, 0, None, None, find_definition(type_name)))
 
 
 def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:

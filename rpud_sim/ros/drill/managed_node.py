@@ -41,6 +41,11 @@ Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
 
 # Parameters that every ROS node may be started with; some are declared later than ours.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+# What changes it while the drill runs, where a command does.
+_COMMANDED = {
+    "weight_on_bit": "; command it on command/weight_on_bit",
+    "drive_enabled": "; command it on command/drive",
+}
 _FIXED = {*PARAMETERS, "use_sim_time"} - {*CHANGEABLE}  # while the drill is configured
 
 
@@ -177,7 +182,7 @@ class DrillParameters:
         for name in values if fixed else ():
             # The present value is no change: a dump of these parameters may be loaded.
             if name in _FIXED and self._differs(name, values):
-                reason = f"{name} {fixed}"
+                reason = f"{name} {fixed}{_COMMANDED.get(name, '')}"
         try:
             self.settings.replace({name: values[name] for name in values if name in PARAMETERS})
         except ParameterError as error:

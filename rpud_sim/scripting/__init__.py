@@ -1,0 +1,1 @@
+"""The drill in Python scripts and notebooks: ``rpud_sim.simulate``, ``Drill`` and ``open``."""

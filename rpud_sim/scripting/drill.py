@@ -1,0 +1,194 @@
+"""Drill in this process: it is stepped and commanded by a script, without ROS."""
+
+from __future__ import annotations
+
+import math
+import os
+from types import SimpleNamespace
+from typing import Any
+
+from rpud_sim.drilling.mount import POSITION, RATE
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of, check_number
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.changes import parameter_changes
+from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan
+from rpud_sim.simulation.run import Run
+
+_STEP = Quantity("s", "a simulation time", 1e-9, 1e6)
+_DURATION = Quantity("s", "a simulation time", 0.0, 1e6, exclusive=True)
+
+
+class _KeptJournal(Journal):
+    def __init__(self) -> None:
+        super().__init__()
+        self.entries: list[JournalEntry] = []  # all that were drained
+
+    def drain(self) -> list[JournalEntry]:
+        drained = super().drain()
+        self.entries += drained
+        return drained
+
+
+class Drill:
+    """Drill that a script steps: it has the words of the pytest fixture and of ``DrillClient``.
+
+    ::
+
+        drill = rpud_sim.Drill(weight_on_bit=8)
+        drill.press(20)
+        drill.step(0.1)
+        drill.run["reacting_force"]["force"]
+
+    Arguments are those of ``simulate``. A command acts at once; a value that cannot be used is a
+    ParameterError and changes nothing.
+    """
+
+    def __init__(
+        self,
+        *,
+        config: str | os.PathLike[str] | None = None,
+        seed: int | None = None,
+        faults: Faults | None = None,
+        **parameters: Any,
+    ) -> None:
+        self._begun = (parameters, config, faults)
+        self._begin(beginning_of(parameters, config, seed, faults))
+
+    def _begin(self, beginning: Beginning) -> None:
+        compile_kernels(beginning.settings.configuration)
+        self._journal = _KeptJournal()
+        self._block: Block | None = None  # the latest one
+        self._seen: tuple[int, int] = (-1, 0)
+        self._run = Run(Plan(beginning), self._journal, lambda topic: False, on_block=self._keep)
+        self._run.begin(0)
+        self._run.watch()
+
+    @property
+    def time(self) -> float:
+        """Simulation time [s]."""
+        return self._run.time / SECOND
+
+    @property
+    def status(self) -> SimpleNamespace:
+        """Status now, with the fields of ``rpud_msgs/Status``."""
+        return SimpleNamespace(**self._run.status("paused").fields)
+
+    @property
+    def run(self) -> DrillRun:
+        """The run so far: figures, topics, waveforms, plots."""
+        self._journal.drain()
+        seen = (self._run.time, self._journal.count)
+        if seen != self._seen:
+            self._seen = seen
+            self._so_far = DrillRun(Plan.of(self._journal.entries), self._run.time)
+        return self._so_far
+
+    def now(self) -> dict[str, float]:
+        """Return positions [m], velocities [m/s] and forces [N] at the present time, by channel.
+
+        They are those of the end of the latest step; before the first one there are none.
+        """
+        if self._block is None:
+            return {}
+        samples = self._block.sample_ends()
+        return {name: float(values[-1]) for name, values in vars(samples).items()}
+
+    def step(self, seconds: float) -> float:
+        """Advance, and return the simulation time that is reached [s]."""
+        until = self._run.time + round(_STEP.check("step", seconds) * SECOND)
+        for _ in self._run.advance_to(until):
+            pass
+        return self.time
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begin again at time zero, as at the start; None for the present seed."""
+        parameters, config, faults = self._begun
+        present = self._run.beginning.seed
+        self._begin(beginning_of(parameters, config, present if seed is None else seed, faults))
+
+    # Commands: they act from now on.
+
+    def press(self, force: float) -> None:
+        """Command a weight on bit [N]."""
+        self._command(WeightOnBit(check_number("force", force)))
+
+    def drive(
+        self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
+    ) -> None:
+        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
+        present = self._run.simulation.applied.drive
+        nominal = self._run.settings.configuration.nominal_drive
+        before = present if present.enabled else nominal
+        if not enabled:
+            self._command(Drive(False, 0.0, 0.0))
+            return
+        self._command(
+            Drive(
+                True,
+                before.voltage if voltage is None else check_number("voltage", voltage),
+                before.frequency if frequency is None else check_number("frequency", frequency),
+            )
+        )
+
+    def feed(self, rate: float | None = None, position: float | None = None) -> None:
+        """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
+        if (rate is None) == (position is None):
+            raise ParameterError("feed takes a rate or a position")
+        if rate is not None:
+            self._command(Feed(RATE, check_number("rate", rate)))
+        else:
+            self._command(Feed(POSITION, check_number("position", position)))
+
+    def engage(self, on: bool = True) -> None:
+        """Put the drill tool into the rock, or take it out."""
+        self.set_parameters(regime="drilling" if on else "free")
+
+    def set_parameters(self, **values: Any) -> None:
+        """Set parameters that may change during a run, all of them or none."""
+        for change in parameter_changes(values).changes:
+            self._run.apply(change.action)
+
+    # Faults.
+
+    def inject(
+        self,
+        kind: str,
+        channel: str = "",
+        magnitude: float | None = None,
+        duration: float | None = None,
+    ) -> int:
+        """Inject a fault, such as ``free_mass_jammed``, and return its number.
+
+        ``channel`` is the topic of a signal fault. The duration is simulation time [s].
+        """
+        size = math.nan if magnitude is None else check_number("magnitude", magnitude)
+        length = 0 if duration is None else round(_DURATION.check("duration", duration) * SECOND)
+        return self._run.simulation.inject(Fault(kind, channel, size), length)
+
+    def clear(self, which: int | str = "all") -> list[int]:
+        """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
+        simulation = self._run.simulation
+        active = {record.number: record.fault.kind for record in simulation.faults.active}
+        numbers = [n for n, kind in active.items() if which in ("all", n, kind)]
+        if not numbers and which != "all":
+            hint = did_you_mean(str(which), sorted({*active.values()})) if active else "none is"
+            raise ParameterError(f"no fault {shown(which)} is active; {hint}")
+        for number in numbers:
+            simulation.clear(number)
+        return numbers
+
+    def __repr__(self) -> str:
+        return f"<Drill at {self.time:g} s, seed {self._run.beginning.seed}>"
+
+    def _command(self, command: Command) -> None:
+        self._run.settings.configuration.check(command)
+        self._run.control.apply(command)
+        self._run.control.act()
+
+    def _keep(self, block: Block) -> None:
+        self._block = block

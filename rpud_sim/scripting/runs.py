@@ -1,0 +1,299 @@
+"""Runs in scripts: figures, columns of topics, waveforms and plots, simulated or recorded."""
+
+from __future__ import annotations
+
+import os
+from base64 import b64encode
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rpud_sim.bag import BagReader, Column
+from rpud_sim.foundation.options import POSITIVE_SECONDS
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.yaml_files import cursor_at
+from rpud_sim.model.segment import SEGMENT, join_records
+from rpud_sim.recorded.drill_tables import drill_table, rows_of, serialized
+from rpud_sim.recorded.offline_bag import write_offline_bag
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.changes import Change, SetOrigin
+from rpud_sim.simulation.configuration import read_parameter_file, to_settings
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.faults import FaultError
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.sampling import CHANNELS, Times, sample
+from rpud_sim.simulation.scenario_file import SEED, read_commands, read_scenario, scenario_at
+from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from rpud_sim.recorded.runs import RecordedRun
+
+Faults = str | os.PathLike[str] | Mapping[str, Any] | Sequence[str | Mapping[str, Any]]
+
+_RATE = Quantity("Hz", "rate of samples", 1, 1e7, whole=True)
+_UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
+_CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHANNELS}
+_NODE = "drill_node"
+_RECEIVED = ("log_time", "publish_time")
+
+
+class Columns(dict[str, np.ndarray]):
+    """Columns of a table by their names, as NumPy arrays; ``units`` has their SI units."""
+
+    def __init__(self, values: Mapping[str, np.ndarray], units: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.units = dict(units)  # empty for a number without a unit
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise KeyError(f"no column {name!r}; {did_you_mean(str(name), self)}")
+
+
+def simulate(
+    duration: float,
+    *,
+    config: str | os.PathLike[str] | None = None,
+    seed: int | None = None,
+    faults: Faults | None = None,
+    commands: str | os.PathLike[str] | None = None,
+    **parameters: Any,
+) -> DrillRun:
+    """Simulate the drill for a duration [s] and return the run.
+
+    Args:
+        config: ROS parameter file.
+        seed: of the initial phase, of the scenario and of noise; None for phase zero.
+        faults: a scenario file, kinds, or entries as a scenario file has them.
+        commands: file of commands and faults at their times, as of ``rpud fork``.
+        parameters: by their names, as ``weight_on_bit=20.0``; they go before those of the file.
+
+    Raises:
+        ParameterError: for a name or a value that cannot be used.
+    """
+    length = POSITIVE_SECONDS.check("duration", duration)
+    beginning = beginning_of(parameters, config, seed, faults)
+    planned = read_commands(Path(commands)).changes if commands is not None else ()
+    end = round(length * SECOND)
+    return DrillRun(Plan(beginning, tuple(each for each in planned if each.time < end)), end)
+
+
+def beginning_of(
+    parameters: Mapping[str, Any],
+    config: str | os.PathLike[str] | None,
+    seed: int | None,
+    faults: Faults | None,
+) -> Beginning:
+    """Return the beginning of a run; arguments are those of ``simulate``."""
+    values = read_parameter_file(Path(config), _NODE) if config is not None else {}
+    values.update(parameters)
+    if seed is not None:
+        values["seed"] = SEED.check("seed", seed)
+    beginning = Beginning.drawn(to_settings(values))
+    if faults is None:
+        return beginning
+    injected = _changes(faults, seed)
+    return Beginning(beginning.settings, beginning.initial_phase, beginning.seed, injected)
+
+
+def _changes(faults: Faults, seed: int | None) -> tuple[Change, ...]:
+    if isinstance(faults, os.PathLike) or (isinstance(faults, str) and Path(faults).suffix):
+        return read_scenario(os.fspath(faults), seed)
+    entries = [faults] if isinstance(faults, str | Mapping) else list(faults)
+    found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else dict(e) for e in entries]
+    return scenario_at(cursor_at({"faults": found}, "faults", FaultError), seed)
+
+
+class DrillRun:
+    """Run of the drill: its plan, up to a time; everything else is computed when it is asked for.
+
+    ``run["contact_force"]`` are the columns of a topic. A run that ``rpud_sim.open`` gives has them
+    as they were recorded.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        end: int,
+        bag: BagReader | None = None,
+        recorded: RecordedRun | None = None,
+    ) -> None:
+        self.plan = plan
+        self.duration = end / SECOND  # simulated time [s]
+        self._end = end
+        self._bag = bag
+        self._recorded = recorded
+        self._columns: dict[str, Columns] = {}  # by topic
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Parameters at the beginning, by name."""
+        return self.plan.beginning.settings.values()
+
+    @property
+    def seed(self) -> int:
+        """Seed of phase, scenario and noise."""
+        return self.plan.beginning.seed
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Names of the topics that have columns."""
+        if self._bag is not None and self._recorded is not None:
+            prefix = self._recorded.prefix
+            held = [each.topic.name for each in self._bag.readable_topics if each.message_count]
+            own = {name.removeprefix(prefix) for name in held if name.startswith(prefix)}
+            return tuple(sorted(own & set(TOPICS)))
+        return tuple(sorted({*offered_topics(self.parameters)} & {*PROVED}))
+
+    @cached_property
+    def figures(self) -> dict[str, Any]:
+        """Figures of the run in SI units, named as ``rpud simulate --json`` names them."""
+        statistics = Statistics()
+        run = self._run(wanted=(), on_block=statistics.add)
+        for _ in run.advance_to(self._end):
+            pass
+        figures: dict[str, Any] = dict(statistics.figures())
+        if np.isfinite(run.simulation.depth):
+            figures["depth"] = run.simulation.depth
+            figures["penetration_rate"] = run.simulation.depth / statistics.duration
+        if statistics.account is not None:
+            figures["energy_account"] = statistics.account.to_dict()
+        return figures
+
+    def __getitem__(self, topic: str) -> Columns:
+        """Return the columns of a topic; times are integer nanoseconds."""
+        if topic not in self._columns:
+            if topic not in self.topics:
+                raise KeyError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
+            self._columns[topic] = self._read(topic) if self._bag else self._compute(topic)
+        return self._columns[topic]
+
+    def __iter__(self) -> Iterable[str]:  # a mapping from topics, without a length
+        return iter(self.topics)
+
+    def times(self, topic: str) -> np.ndarray:
+        """Return the simulation time of each row of a topic [s]."""
+        columns = self[topic]
+        stamps = columns["time"] if "time" in columns else columns["header.stamp"]
+        origin = self._recorded.origin if self._recorded is not None else 0
+        return (stamps - origin) / SECOND
+
+    def frame(self, topic: str) -> pandas.DataFrame:
+        """Return a topic as a pandas frame; its index is simulation time [s].
+
+        ``frame.attrs["units"]`` has the units.
+        """
+        import pandas
+
+        columns = self[topic]
+        kept = {n: each for n, each in columns.items() if n not in ("time", "header.stamp")}
+        frame = pandas.DataFrame(kept, index=pandas.Index(self.times(topic), name="time"))
+        frame.attrs["units"] = {"time": "s", **columns.units}
+        return frame
+
+    def waveform(self, rate: int, start: float = 0.0, duration: float | None = None) -> Columns:
+        """Return every channel at any whole rate [Hz], exactly, with the times [s].
+
+        ``start`` and ``duration`` choose a part [s]; a sample of 12 channels takes 96 bytes.
+        """
+        rate = int(_RATE.check("rate", rate))
+        first = int(np.ceil(start * rate))
+        stop = self.duration if duration is None else min(start + duration, self.duration)
+        count = max(0, int(np.floor(stop * rate)) + 1 - first)
+        times = Times.from_grid(first, count, rate)
+        samples = sample(self._segments, times) if count else None
+        values = {n: np.empty(0) if samples is None else getattr(samples, n) for n in CHANNELS}
+        return Columns(
+            {"time": times.seconds + times.fraction, **values}, {"time": "s", **_CHANNEL_UNITS}
+        )
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure: impacts, reacting force, bodies, and a close look."""
+        from rpud_sim.scripting.plots import plot_run
+
+        return plot_run(self)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the run as a bag of rosbag2 with the drill's topics, and return its folder."""
+        write_offline_bag(path, self.plan, self.duration)
+        return Path(path)
+
+    def __repr__(self) -> str:
+        bag = f" of {os.fspath(self._bag.path)}" if self._bag is not None else ""
+        return f"<DrillRun{bag}: {self.duration:g} s, seed {self.seed}>"
+
+    def _repr_html_(self) -> str:
+        units = {"duration": "s", **FIGURES}
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{value:.6g} {escape(units[name])}</td></tr>"
+            for name, value in self.figures.items()
+            if name in units and value is not None
+        )
+        return f"{escape(repr(self))}<table>{rows}</table>{_picture(self.plot())}"
+
+    def _run(self, wanted: Sequence[str], **options: Any) -> Run:
+        compile_kernels(self.plan.beginning.settings.configuration)
+        run = Run(self.plan, None, wanted.__contains__, **options)
+        if not any(isinstance(change.action, SetOrigin) for change in self.plan.changes):
+            run.begin(0)
+        return run
+
+    def _compute(self, topic: str) -> Columns:
+        run = self._run((topic,))
+        batches = [serialized(each) for each in run.advance_to(self._end) if each.topic == topic]
+        names = drill_table(TOPICS[topic].type).columns
+        return _own_columns(rows_of(topic, batches).columns, names)
+
+    def _read(self, topic: str) -> Columns:
+        assert self._bag is not None
+        assert self._recorded is not None
+        name = self._recorded.topic(topic)
+        found = self._bag.arrays(name)
+        held = self._recorded.holds(found["publish_time"])
+        return _own_columns(
+            {name: values[held] for name, values in found.items()}, self._bag.columns(name)
+        )
+
+    @cached_property
+    def _segments(self) -> np.ndarray:
+        """The segments of the whole run."""
+        parts: list[np.ndarray] = []
+        last: list[np.ndarray] = []
+
+        def keep(block: Block) -> None:
+            parts.append(block.segments)
+            last[:] = [block.open_segment]
+
+        run = self._run((), on_block=keep)
+        for _ in run.advance_to(self._end):
+            pass
+        return join_records([*parts, *last], SEGMENT)
+
+
+def _own_columns(values: Mapping[str, np.ndarray], columns: Sequence[Column]) -> Columns:
+    """Return columns without the times of a recorder."""
+    kept = {name: each for name, each in values.items() if name not in _RECEIVED}
+    return Columns(kept, {each.name: each.unit for each in columns if each.name in kept})
+
+
+def _picture(figure: Figure) -> str:
+    data = BytesIO()
+    figure.savefig(data, format="png", dpi=70)
+    return f'<img src="data:image/png;base64,{b64encode(data.getvalue()).decode()}">'
+
+
+def check_number(name: str, value: Any) -> float:
+    """Return a number, or raise a ParameterError."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name} = {shown(value)} is not a number") from None

@@ -1,0 +1,96 @@
+"""A drill that a script steps: the words of the pytest fixture, and the same bits."""
+
+import numpy as np
+import pytest
+
+import rpud_sim
+from rpud_sim.ros.client import DrillClient
+from rpud_sim import testing
+
+WORDS = ("press", "drive", "feed", "engage", "inject", "clear", "step", "reset", "set_parameters")
+
+
+@pytest.mark.parametrize("other", [DrillClient, testing.Drill])
+def test_its_words_are_those_of_the_client_and_of_a_test(other):
+    assert [name for name in WORDS if not hasattr(other, name)] == []
+    assert [name for name in WORDS if not hasattr(rpud_sim.Drill, name)] == []
+
+
+def test_commands_act_at_once_and_are_in_the_run():
+    drill = rpud_sim.Drill(weight_on_bit=8)
+    drill.step(0.1)
+    drill.press(20)
+    number = drill.inject("free_mass_jammed", duration=0.05)
+    assert drill.status.weight_on_bit == 20.0
+    assert drill.step(0.1) == 0.2
+    assert drill.status.active_faults == 0
+    drill.drive(False)
+    drill.set_parameters(gravity=1.62)
+    drill.engage(False)
+    drill.step(0.013)
+    assert (drill.status.regime, drill.status.drive_enabled) == ("free", False)
+    kinds = [type(change.action).__name__ for change in drill.run.plan.changes]
+    assert kinds[1:4] == ["WeightOnBit", "Inject", "Drive"]
+    assert number == 1
+    assert drill.run.times("reacting_force")[-1] == pytest.approx(0.21)
+
+
+def test_its_run_has_the_bits_of_its_steps(tmp_path):
+    drill = rpud_sim.Drill(weight_on_bit=8, seed=4)
+    forces = []
+    for number in range(60):
+        if number % 20 == 10:
+            drill.press(8 + number)
+        drill.step(0.005)
+        forces.append(drill.now()["reacting_force"])
+    assert drill.run["reacting_force"]["force"].tolist() == forces[1::2]
+    drill.run.save(tmp_path / "bag")
+    assert rpud_sim.verify(tmp_path / "bag").proved
+    with rpud_sim.open(tmp_path / "bag") as bag:
+        assert bag.runs[0]["reacting_force"]["force"].tolist() == forces[1::2]
+
+
+def test_a_reset_begins_again_with_the_same_or_another_seed():
+    drill = rpud_sim.Drill(seed=4)
+    drill.step(0.1)
+    first = drill.run["contact_force"]["peak_force"]
+    drill.press(30)
+    drill.reset()
+    assert (drill.time, drill.status.weight_on_bit) == (0.0, 8.0)
+    drill.step(0.1)
+    assert np.array_equal(drill.run["contact_force"]["peak_force"], first)
+    drill.reset(seed=5)
+    drill.step(0.1)
+    assert not np.array_equal(drill.run["contact_force"]["peak_force"], first)
+
+
+def test_lost_commands_make_it_safe():
+    drill = rpud_sim.Drill(command_timeout=0.05, command_loss_ramp=0.05)
+    drill.step(0.2)
+    assert drill.status.commands_lost
+    assert drill.status.weight_on_bit == 0.0
+    drill.press(9)
+    drill.step(0.02)
+    assert drill.status.weight_on_bit == 9.0
+
+
+@pytest.mark.parametrize(
+    ("act", "text"),
+    [
+        (lambda drill: drill.press(-1), "weight_on_bit = -1 N is outside its range"),
+        (lambda drill: drill.press("hard"), "force = 'hard' is not a number"),
+        (lambda drill: drill.feed(rate=0.001), "feed"),
+        (lambda drill: drill.feed(), "a rate or a position"),
+        (lambda drill: drill.step(0), "step = 0 s is outside"),
+        (lambda drill: drill.inject("jam"), "kind = 'jam' is unknown"),
+        (lambda drill: drill.clear(3), "no fault 3 is active"),
+        (lambda drill: drill.set_parameters(free_mass=1.0), "cannot change during a run"),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing(act, text):
+    drill = rpud_sim.Drill()
+    drill.step(0.05)
+    before = drill.run.plan
+    with pytest.raises(rpud_sim.ParameterError, match=text):
+        act(drill)
+    assert drill.run.plan == before

@@ -1,0 +1,115 @@
+"""The listing of the package's first page: simulate, look, save, open."""
+
+import json
+
+import numpy as np
+import pytest
+
+import rpud_sim
+from rpud_sim.cli.main import main
+from rpud_sim.simulation.topics import PROVED
+
+ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "initial_feed": 0.001}
+
+
+@pytest.fixture(scope="module")
+def run():
+    return rpud_sim.simulate(2, weight_on_bit=20, seed=3)
+
+
+def equal(one, other):
+    return all(
+        np.array_equal(one[name], other[name], equal_nan=one[name].dtype.kind == "f")
+        if one[name].dtype != object
+        else str(one[name].tolist()) == str(other[name].tolist())
+        for name in one
+    )
+
+
+def test_the_face_has_ten_names_and_a_version():
+    assert len(rpud_sim.__all__) == 10
+    assert all(getattr(rpud_sim, name) is not None for name in rpud_sim.__all__)
+    assert rpud_sim.__version__[0].isdigit()
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        rpud_sim.simulat  # noqa: B018
+
+
+def test_its_figures_are_those_of_the_command(run, capsys):
+    words = ["simulate", "--duration", "2", "--set", "weight_on_bit=20", "--seed", "3", "--json"]
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 0
+    printed = json.loads(capsys.readouterr().out)
+    for name, value in run.figures.items():
+        assert printed[name] == value, name
+
+
+def test_columns_have_units_and_times(run):
+    impacts = run["contact_force"]
+    assert len(impacts["peak_force"]) > 500
+    assert impacts.units["peak_force"] == "N"
+    assert (np.diff(run.times("contact_force")) > 0).all()
+    frame = run.frame("reacting_force")
+    assert frame.index[-1] == 2.0
+    assert frame.attrs["units"]["force"] == "N"
+    assert frame["force"].mean() == pytest.approx(run["reacting_force"]["force"].mean())
+    assert [*run] == list(run.topics)
+
+
+def test_a_waveform_has_any_rate_and_meets_the_samples(run):
+    waveform = run.waveform(100)
+    assert waveform["time"][-1] == 2.0
+    assert (waveform["reacting_force"][1:] == run["reacting_force"]["force"]).all()
+    part = run.waveform(33_333, start=0.5, duration=0.1)
+    assert part["time"][0] == pytest.approx(0.5, abs=1 / 33_333)
+    assert len(part["time"]) == 3333
+    assert part.units["drill_tool_velocity"] == "m/s"
+
+
+@pytest.mark.parametrize("values", [{}, ARM], ids=["drilling", "arm"])
+def test_a_saved_run_has_the_same_face_and_is_proved(tmp_path, values):
+    faults = ["lost_preload", {"kind": "noise", "channel": "wrench", "onset": 0.2}]
+    run = rpud_sim.simulate(1, seed=5, faults=faults, **values)
+    run.save(tmp_path / "bag")
+    assert rpud_sim.verify(tmp_path / "bag").proved
+    with rpud_sim.open(tmp_path / "bag") as bag:
+        [recorded] = bag.runs
+        assert (recorded.duration, recorded.seed) == (1.0, 5)
+        assert recorded.parameters == run.parameters
+        assert str(recorded.figures) == str(run.figures)
+        for topic in set(run.topics) & set(PROVED):
+            assert equal(run[topic], recorded[topic]), topic
+        assert equal(run.waveform(1000), recorded.waveform(1000))
+        frame = bag.frame("/rpud/reacting_force", index="header.stamp")
+        assert (frame.index.name, frame.attrs["units"]["force"]) == ("header.stamp", "N")
+
+
+def test_it_draws_itself(run):
+    assert len(run.plot().axes) == 4
+    shown = run._repr_html_()
+    assert "drill_tool_impact_rate" in shown
+    assert "data:image/png" in shown
+    assert len(shown) < 200_000
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: rpud_sim.simulate(1, weight_on_bits=2), "did you mean weight_on_bit?"),
+        (lambda: rpud_sim.simulate(1, weight_on_bit=-2), r"weight_on_bit = -2 N is outside"),
+        (lambda: rpud_sim.simulate(0), "duration = 0 s is outside"),
+        (lambda: rpud_sim.simulate(1, faults="jam"), "kind = 'jam'"),
+        (lambda: rpud_sim.simulate(1, seed=-1), "seed = -1 is outside"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(call, text):
+    with pytest.raises(rpud_sim.ParameterError, match=text) as error:
+        call()
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_topics_and_columns_name_the_nearest(run):
+    with pytest.raises(KeyError, match="did you mean contact_force"):
+        run["contact_forc"]
+    with pytest.raises(KeyError, match="did you mean peak_force"):
+        run["contact_force"]["peak_forces"]
