@@ -1,19 +1,17 @@
-"""Files of docs/reference that follow from the code: ``python -m toolchain.reference``."""
+"""Tables of the documents that follow from the code: ``python -m toolchain.reference``."""
 
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib
 import inspect
-import io
 import re
-import sys
-import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import rpud_sim
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
 from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.model import tolerances
@@ -27,8 +25,10 @@ from rpud_sim.simulation.configuration import (
 from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.fault_kinds import KINDS
 
+Rows = Sequence[Sequence[str]]
+
 ROOT = Path(__file__).resolve().parents[1]
-FOLDER = ROOT / "docs" / "reference"
+DOCS = ROOT / "docs"
 PACKAGES = (
     "rpud_sim.bag",
     "rpud_sim.simulation",
@@ -37,14 +37,14 @@ PACKAGES = (
     "rpud_sim.verdicts",
     "rpud_sim.recorded.compare",
 )
-_WIDTH = 100
+_MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 _FIELD = re.compile(
     r"\s*(?P<type>\S+)\s+(?P<name>\w+)(?:=(?P<value>\S+)|\s*=\s*(?P<constant>\S+))?\s*(?:#\s*(?P<comment>.*))?$"
 )
 
 
-def parameters() -> str:
-    """Return every parameter: default, range, whether it may change, meaning; as CSV."""
+def parameters() -> Rows:
+    """Return every parameter: default, range, whether it may change, meaning."""
     drilling, free = Settings(), Settings(Configuration(preset("free")))
     rows = [("parameter", "default", "range", "may change", "meaning")]
     for name, declared in PARAMETERS.items():
@@ -54,7 +54,7 @@ def parameters() -> str:
         allowed = declared.allowed
         may_change = "yes" if name in CHANGEABLE else ""
         rows.append((name, default, allowed.range, may_change, allowed.description))
-    return _csv(rows)
+    return rows
 
 
 def _shown(value: Any) -> str:
@@ -63,8 +63,8 @@ def _shown(value: Any) -> str:
     return value or "none" if isinstance(value, str) else f"{value:g}"
 
 
-def faults() -> str:
-    """Return every kind of fault: what happens, its magnitude and what it needs; as CSV."""
+def faults() -> Rows:
+    """Return every kind of fault: what happens, its magnitude and what it needs."""
     rows = [("fault", "what happens", "magnitude", "range", "default", "needs")]
     for name, kind in KINDS.items():
         needs = ", ".join(need.__name__.strip("_").replace("_", " ") for need in kind.needs)
@@ -75,11 +75,11 @@ def faults() -> str:
             continue
         default = "of the channel" if kind.in_channel_unit else f"{kind.default:g}"
         rows.append((name, kind.description, quantity.description, quantity.range, default, needs))
-    return _csv(rows)
+    return rows
 
 
-def commands() -> str:
-    """Return every command with its arguments and options; as CSV."""
+def commands() -> Rows:
+    """Return every command with its arguments and options."""
     rows = [("group", "command", "argument", "meaning")]
     chosen = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
     for name, parser in chosen.choices.items():
@@ -91,25 +91,25 @@ def commands() -> str:
             words = [*action.option_strings, *([] if action.nargs == 0 else [str(value)])]
             meaning = action.help % {**vars(action), "prog": parser.prog}
             rows.append((COMMANDS[name][0], f"rpud {name}", " ".join(words), meaning))
-    return _csv(rows)
+    return rows
 
 
-def shown_quantities() -> str:
-    """Return every quantity of screens, pages and lines: name, symbol, units, messages; as CSV."""
+def shown_quantities() -> Rows:
+    """Return every quantity of screens, pages and lines: name, symbol, units, messages."""
     rows = [("quantity", "name", "symbol", "SI unit", "shown in", "from")]
     for each in QUANTITIES.values():
         sources = ", ".join(each.sources)
         rows.append((each.label, each.name, each.symbol, each.si, each.unit, sources))
-    return _csv(rows)
+    return rows
 
 
-def energy() -> str:
-    """Return the terms of the energy account; as CSV."""
-    return _csv([("term", "meaning [J]"), *_fields(EnergyAccount)])
+def energy() -> Rows:
+    """Return the terms of the energy account."""
+    return [("term", "meaning [J]"), *_fields(EnergyAccount)]
 
 
-def bounds() -> str:
-    """Return the tolerances of the engine with the comments above them; as CSV."""
+def bounds() -> Rows:
+    """Return the tolerances of the engine with the comments above them."""
     rows, comment = [("bound", "value", "meaning")], ""
     for line in inspect.getsource(tolerances).splitlines():
         if line.startswith("#"):
@@ -118,11 +118,11 @@ def bounds() -> str:
             rows.append((found[1], f"{getattr(tolerances, found[1]):g}", comment))
         else:
             comment = ""
-    return _csv(rows)
+    return rows
 
 
-def messages() -> str:
-    """Return every field of every message and service: type, name, meaning; as CSV."""
+def messages() -> Rows:
+    """Return every field of every message and service: type, name, meaning."""
     rows = [("message", "field", "type", "meaning")]
     for path in sorted((ROOT / "msg_defs").glob("*/*.*")):
         name = path.stem
@@ -140,100 +140,88 @@ def messages() -> str:
                 value = field["constant"] or field["value"]
                 shown = f"{field['name']} = {value}" if value else field["name"]
                 rows.append((name, shown, field["type"], field["comment"] or ""))
-    return _csv(rows)
+    return rows
 
 
-def _csv(rows: Iterable[tuple[str, ...]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
+def grouped(rows: Rows, heading: Callable[[str], str] = str) -> str:
+    """Return a table for each value of the first column, below a heading."""
+    head, *others = rows
+    parts = []
+    for name, group in groupby(others, key=lambda row: row[0]):
+        parts.append(f"### {heading(name)}\n\n{table([head[1:], *(row[1:] for row in group)])}")
+    return "\n\n".join(parts)
 
 
-def python() -> str:
-    """Return the public classes and functions with their docstrings, as ``help`` shows them."""
+def table(rows: Rows) -> str:
+    """Return a table in Markdown."""
+    head, *others = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    lines = [head, ["---"] * len(head), *others]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def faces() -> str:
+    """Return the members of the classes of the package's face, with types."""
+    parts = []
+    for name in ("simulate", "open", "DrillRun", "Drill", "DrillBag"):
+        item = getattr(rpud_sim, name)
+        if inspect.isclass(item):
+            rows = [("member", "meaning"), *_members(item)]
+            parts.append(f"### {name}\n\n{_first_line(item)}\n\n{table(rows)}")
+        else:
+            call = f"rpud_sim.{name}{_signature(item)}"
+            parts.append(f"### {name}\n\n`{call}`\n\n{_first_line(item)}")
+    return "\n\n".join(parts)
+
+
+def packages() -> str:
+    """Return the public names of the other packages, each with the first line of its docstring."""
     parts = []
     for name in PACKAGES:
         package = importlib.import_module(name)
-        parts += [f"{name}\n{'=' * len(name)}", inspect.getdoc(package) or ""]
-        parts += [text for each in package.__all__ for text in _entry(each, getattr(package, each))]
-    return "\n\n".join(parts) + "\n"
+        rows = [("name", "meaning")]
+        for each in package.__all__:
+            item = getattr(package, each)
+            if inspect.isclass(item) or callable(item):
+                rows.append((f"`{each}`", _first_line(item)))
+            else:
+                rows.append((f"`{each}`", f"a {type(item).__name__}"))
+        parts.append(f"### {name}\n\n{table(rows)}")
+    return "\n\n".join(parts)
 
 
-def _entry(name: str, item: Any) -> Iterator[str]:
-    if inspect.isclass(item):
-        yield f"class {name}{_signature(item)}\n{_indented(_text(item))}".rstrip()
-        for member, value in _members(item).items():
-            if not member.startswith("_") and _is_documented(value):
-                function = (
-                    value.fget if isinstance(value, property) else inspect.unwrap(_function(value))
-                )
-                form = "" if isinstance(value, property) else _signature(function)
-                yield _indented(
-                    f"{member}{form}\n{_indented(inspect.getdoc(function) or '')}".rstrip()
-                )
-    elif callable(item):
-        yield f"{name}{_signature(item)}\n{_indented(inspect.getdoc(item) or '')}".rstrip()
-    else:
-        yield f"{name}: {type(item).__name__}"
+def _members(item: type) -> Iterator[tuple[str, str]]:
+    """Yield the public members of a class that this package defines."""
+    for name, value in inspect.getmembers(item):
+        defined = any(name in vars(each) for each in item.__mro__ if each.__module__[:4] == "rpud")
+        if (name.startswith("_") and name != "__getitem__") or not defined:
+            continue
+        shown = f"{name}{_signature(value)}" if callable(value) else name
+        shown = "run[topic]" if name == "__getitem__" else shown
+        yield f"`{shown}`", _first_line(getattr(value, "func", value))
 
 
-def _members(item: type) -> dict[str, Any]:
-    """Return the members of a class, first the documented ones of its bases without an entry."""
-    own = vars(item)
-    bases = [
-        each
-        for each in reversed(item.__mro__[1:])
-        if each.__module__.startswith("rpud_sim.")
-        and not hasattr(sys.modules[each.__module__.rpartition(".")[0]], each.__name__)
-    ]
-    inherited = {
-        name: value
-        for each in bases
-        for name, value in vars(each).items()
-        if name not in own and inspect.getdoc(value)
-    }
-    return {**inherited, **own}
-
-
-def _function(value: Any) -> Any:
-    return getattr(value, "__func__", getattr(value, "func", value))
-
-
-def _is_documented(value: Any) -> bool:
-    return isinstance(value, property) or inspect.isroutine(_function(value))
+def _first_line(item: Any) -> str:
+    text = (inspect.getdoc(item) or "").split("\n\n")[0].replace("\n", " ").replace("``", "`")
+    return "" if text.startswith(f"{getattr(item, '__name__', '')}(") else text
 
 
 def _signature(item: Any) -> str:
-    if inspect.isclass(item) and issubclass(item, Exception):
-        return f"({item.__bases__[0].__name__})"
-    try:
-        found = inspect.signature(item)
-    except ValueError:
-        return "()"
-    plain = [
-        # A function as a default would be shown with its address.
-        each.replace(
-            annotation=inspect.Parameter.empty,
-            default=...
-            if callable(each.default) and each.default is not each.empty
-            else each.default,
-        )
+    """Return a signature with its types, without the object itself."""
+    found = inspect.signature(item)
+    own = [
+        each.replace(annotation=_Bare(each.annotation))
         for each in found.parameters.values()
         if each.name != "self"
     ]
-    text = str(found.replace(parameters=plain, return_annotation=inspect.Signature.empty))
-    return text.replace("Ellipsis", "...")
+    text = str(found.replace(parameters=own, return_annotation=_Bare(found.return_annotation)))
+    return text.replace("pandas.", "").replace(" | os.PathLike[str]", "")
 
 
-def _text(item: type) -> str:
-    """Return the docstring of a class, and its fields with their comments."""
-    document = inspect.getdoc(item) or ""
-    if document.startswith(f"{item.__name__}("):  # made by dataclass or NamedTuple
-        document = ""
-    fields = [(name, comment) for name, comment in _fields(item) if comment]
-    width = max((len(name) for name, _ in fields), default=0)
-    lines = [f"{name:{width}}  {comment}" for name, comment in fields]
-    return "\n\n".join(filter(None, [document, "\n".join(lines)]))
+class _Bare(str):
+    """Annotation that is shown without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
 
 
 def _fields(item: type) -> Iterator[tuple[str, str]]:
@@ -249,27 +237,38 @@ def _fields(item: type) -> Iterator[tuple[str, str]]:
             above = ""
 
 
-def _indented(text: str) -> str:
-    return textwrap.indent(text, "    ")
-
-
-FILES = {
-    "parameters.csv": parameters,
-    "faults.csv": faults,
-    "commands.csv": commands,
-    "energy.csv": energy,
-    "quantities.csv": shown_quantities,
-    "tolerances.csv": bounds,
-    "messages.csv": messages,
-    "python.txt": python,
+TABLES: dict[str, Callable[[], str]] = {
+    "parameters": lambda: table(parameters()),
+    "faults": lambda: table(faults()),
+    "commands": lambda: grouped([row[1:] for row in commands()]),
+    "energy": lambda: table(energy()),
+    "quantities": lambda: table(shown_quantities()),
+    "tolerances": lambda: table(bounds()),
+    "messages": lambda: grouped(messages()),
+    "face": faces,
+    "packages": packages,
 }
 
 
+def filled(text: str) -> str:
+    """Return the text of a page with every marked table replaced."""
+
+    def fill(found: re.Match[str]) -> str:
+        return f"{found[1]}\n{TABLES[found[2]]()}\n\n{found[3]}"
+
+    return _MARKED.sub(fill, text)
+
+
+def pages() -> list[Path]:
+    """Return the pages with marked tables."""
+    return [page for page in sorted(DOCS.glob("**/*.md")) if _MARKED.search(page.read_text())]
+
+
 def main() -> None:
-    """Write the files."""
-    for name, make in FILES.items():
-        (FOLDER / name).write_text(make(), encoding="utf-8")
-        print(FOLDER / name)
+    """Write the tables."""
+    for page in pages():
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
+        print(page)
 
 
 if __name__ == "__main__":

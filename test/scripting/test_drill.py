@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rpud_sim
-from rpud_sim.ros.client import DrillClient
 from rpud_sim import testing
+from rpud_sim.ros.client import DrillClient
 
 WORDS = ("press", "drive", "feed", "engage", "inject", "clear", "step", "reset", "set_parameters")
 
