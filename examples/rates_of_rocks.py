@@ -1,7 +1,6 @@
 """Prints the rate of penetration of the default drill in each rock, with its range."""
 
-from rpud_sim.drilling.rock import preset_layer
-from rpud_sim.simulation import Simulation, to_settings
+from rpud_sim.simulation import Simulation, preset_layer, to_settings
 
 
 def rate(rock, share=0.01, threshold=1.0, **changes):

@@ -19,7 +19,7 @@ change without notice.
 # The public face only: modules of this package import from each other, never from here.
 from rpud_sim.drilling.mount import MountParameters, MountState
 from rpud_sim.drilling.process import ProcessState
-from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
@@ -99,6 +99,7 @@ __all__ = [
     "compile_kernels",
     "initial_phases",
     "preset",
+    "preset_layer",
     "read_parameter_file",
     "read_scenario",
     "run_ensemble",
