@@ -1,50 +1,50 @@
-"""Plot of a run by matplotlib: impacts, reacting force, bodies, and a close look."""
+"""Plot of a run by matplotlib: impacts, reacting force, nodal plane, and a close look."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from rpud_sim.foundation.quantities import ExpectedError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rpud_sim.scripting.runs import DrillRun
+Series = tuple[np.ndarray, np.ndarray]  # times [s] and values
 
-_CLOSE = 0.002  # length of the close look [s]
-_CLOSE_RATE = 500_000  # [Hz]
+_BODIES = ("actuator_position", "free_mass_position", "drill_tool_displacement")
 
 
 class NoPlotError(ExpectedError, RuntimeError):
     """matplotlib is missing; the text says how to install it."""
 
 
-def plot_run(run: DrillRun) -> Figure:
-    """Return a figure of a run."""
+def plot_run(
+    peaks: Series, force: Series, plane: Series, waveform: Mapping[str, np.ndarray]
+) -> Figure:
+    """Return a figure of peak forces [N], reacting force [N], nodal plane [m] and a waveform."""
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
         raise NoPlotError("a plot needs matplotlib: pip install 'rpud_sim[web]'") from None
     figure = Figure(figsize=(10, 8), layout="constrained")
-    impacts, force, bodies, close = figure.subplots(4)
-    peaks = run["contact_force"]["peak_force"]
-    impacts.plot(run.times("contact_force"), peaks, ".", ms=1.5, rasterized=True)
-    impacts.set_ylabel("peak force [N]")
-    force.plot(run.times("reacting_force"), run["reacting_force"]["force"], lw=0.7)
-    force.set_ylabel("reacting force [N]")
-    bodies.plot(run.times("nodal_plane"), 1e3 * run["nodal_plane"]["position"], lw=0.7)
-    bodies.set_ylabel("nodal plane [mm]")
-    bodies.set_xlabel("time [s]")
-    begin = max(0.0, run.duration - _CLOSE)
-    waveform = run.waveform(_CLOSE_RATE, start=begin)
-    milliseconds = 1e3 * (waveform["time"] - begin)
-    for name in ("actuator_position", "free_mass_position", "drill_tool_displacement"):
+    axes = figure.subplots(4)
+    axes[0].plot(*peaks, ".", ms=1.5, rasterized=True)
+    axes[0].set_ylabel("peak force [N]")
+    axes[1].plot(*force, lw=0.7)
+    axes[1].set_ylabel("reacting force [N]")
+    axes[2].plot(plane[0], 1e3 * plane[1], lw=0.7)
+    axes[2].set_ylabel("nodal plane [mm]")
+    axes[2].set_xlabel("time [s]")
+    begin = waveform["time"][0]
+    for name in _BODIES:
         label = name.rpartition("_")[0].replace("_", " ")
-        close.plot(milliseconds, 1e6 * waveform[name], label=label)
-    close.set_ylabel("displacement [um]")
-    close.set_xlabel(f"time since {begin:g} s [ms]")
-    close.legend(loc="upper right")
-    for axes in (impacts, force, bodies, close):
-        axes.margins(x=0)
-    figure.suptitle(f"{run.duration:g} s, {len(peaks)} impacts")
+        axes[3].plot(1e3 * (waveform["time"] - begin), 1e6 * waveform[name], label=label)
+    axes[3].set_ylabel("displacement [um]")
+    axes[3].set_xlabel(f"time since {begin:g} s [ms]")
+    axes[3].legend(loc="upper right")
+    for each in axes:
+        each.margins(x=0)
     return figure

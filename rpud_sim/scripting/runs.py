@@ -21,6 +21,7 @@ from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of, serialized
 from rpud_sim.recorded.offline_bag import write_offline_bag
+from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Change, SetOrigin
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
@@ -45,6 +46,7 @@ _RATE = Quantity("Hz", "rate of samples", 1, 1e7, whole=True)
 _UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
 _CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHANNELS}
 _NODE = "drill_node"
+_CLOSE, _CLOSE_RATE = 0.002, 500_000  # close look of a plot: its length [s], its samples [Hz]
 _RECEIVED = ("log_time", "publish_time")
 
 
@@ -217,10 +219,13 @@ class DrillRun:
         )
 
     def plot(self) -> Figure:
-        """Return a matplotlib figure: impacts, reacting force, bodies, and a close look."""
-        from rpud_sim.scripting.plots import plot_run
-
-        return plot_run(self)
+        """Return a matplotlib figure: impacts, reacting force, nodal plane, and the last 2 ms."""
+        return plot_run(
+            (self.times("contact_force"), self["contact_force"]["peak_force"]),
+            (self.times("reacting_force"), self["reacting_force"]["force"]),
+            (self.times("nodal_plane"), self["nodal_plane"]["position"]),
+            self.waveform(_CLOSE_RATE, start=max(0.0, self.duration - _CLOSE)),
+        )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the run as a bag of rosbag2 with the drill's topics, and return its folder."""
