@@ -31,9 +31,9 @@ _DEEPEST = 50  # levels of mappings and lists
 
 
 class _Loader(yaml.SafeLoader):
-    """Loader of YAML 1.2, as of ROS: 1e-3 is a number, and only true and false are truth values.
+    """Loader of the YAML of ROS: 1e-3 is a number, 1:30, 1_000 and 0b11 are none.
 
-    It rejects aliases, as ROS does, because a short file with them can become very large, and
+    Only true and false are truth values. It rejects aliases, as ROS does, because a short file with them can become very large, and
     duplicate keys.
     """
 
@@ -53,14 +53,17 @@ class _Loader(yaml.SafeLoader):
         return mapping
 
 
-_BOOL = "tag:yaml.org,2002:bool"
+_BOOL, _INT, _FLOAT = (f"tag:yaml.org,2002:{name}" for name in ("bool", "int", "float"))
 _Loader.yaml_implicit_resolvers = {
-    first: [resolver for resolver in resolvers if resolver[0] != _BOOL]
+    first: [resolver for resolver in resolvers if resolver[0] not in (_BOOL, _INT, _FLOAT)]
     for first, resolvers in _Loader.yaml_implicit_resolvers.items()
 }
+_NUMBER_BEGINS = "-+.0123456789"
 for _tag, _pattern, _first in (
     (_BOOL, r"(true|True|TRUE|false|False|FALSE)$", "tTfF"),
-    ("tag:yaml.org,2002:float", r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$", "-+.0123456789"),
+    (_INT, r"[-+]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)$", _NUMBER_BEGINS),
+    (_FLOAT, r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?$", _NUMBER_BEGINS),
+    (_FLOAT, r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", _NUMBER_BEGINS),
 ):
     _Loader.add_implicit_resolver(_tag, re.compile(_pattern), list(_first))
 # Words that are truth values where one is expected; elsewhere off is a kind of fault.

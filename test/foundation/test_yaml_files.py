@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import pytest
 from hypothesis import given
@@ -25,6 +26,14 @@ from rpud_sim.foundation.yaml_files import MOST_BYTES, cursor_at, open_yaml, par
         ("1e", "1e"),
         ("e5", "e5"),
         ("{a: [1, 2.5, true]}", {"a": [1, 2.5, True]}),
+        ("1:30", "1:30"),
+        ("1_000", "1_000"),
+        ("0b11", "0b11"),
+        ("1:30.5", "1:30.5"),
+        ("0x1f", 31),
+        ("010", 8),
+        ("08", 8.0),
+        ("-.inf", -math.inf),
         ("False", False),
         ("off", "off"),  # a kind of fault
         ("", None),
