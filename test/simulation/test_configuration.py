@@ -96,7 +96,7 @@ def test_settings_are_what_was_given_in_the_type_of_each_parameter():
     ("values", "complaint"),
     [
         ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
-        ({"two\nlines": 1}, "'two\\nlines' is not a parameter; known are "),
+        ({"two\nlines": 1}, "'two\\nlines' is not a parameter; the nearest of "),
         ({"real_time_factor": 0.005}, "real_time_factor = 0.005 is neither 0, as fast as "),
         ({"heating": True}, "heating = True needs actuator_model = resonance"),
         (
