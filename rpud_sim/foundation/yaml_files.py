@@ -33,8 +33,8 @@ _DEEPEST = 50  # levels of mappings and lists
 class _Loader(yaml.SafeLoader):
     """Loader of the YAML of ROS: 1e-3 is a number, 1:30, 1_000 and 0b11 are none.
 
-    Only true and false are truth values. It rejects aliases, as ROS does, because a short file with them can become very large, and
-    duplicate keys.
+    Only true and false are truth values. It rejects aliases, as ROS does, because a short file
+    with them can become very large, and duplicate keys.
     """
 
     def compose_node(self, parent: Any, index: Any) -> Any:

@@ -7,6 +7,8 @@ import os
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
@@ -16,10 +18,13 @@ from rpud_sim.simulation.changes import parameter_changes
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import Bookkeeping, status_fields
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan
 from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.sampling import Times
 
 _STEP = Quantity("s", "a simulation time", 1e-9, 1e6)
+_SAMPLES_PER_SECOND = 20_000  # of a mean force: a body's swing on the load spring takes longer
 _DURATION = Quantity("s", "a simulation time", 0.0, 1e6, exclusive=True)
 
 
@@ -63,6 +68,7 @@ class Drill:
         compile_kernels(beginning.settings.configuration)
         self._journal = _KeptJournal()
         self._block: Block | None = None  # the latest one
+        self._blocks: list[Block] = []  # of the latest step
         self._seen: tuple[int, int] = (-1, 0)
         self._run = Run(Plan(beginning), self._journal, lambda topic: False, on_block=self._keep)
         self._run.begin(0)
@@ -75,8 +81,13 @@ class Drill:
 
     @property
     def status(self) -> SimpleNamespace:
-        """Status now, with the fields of ``rpud_msgs/Status``."""
-        return SimpleNamespace(**self._run.status("paused").fields)
+        """Status now, with the fields of ``rpud_msgs/Status`` but for powers.
+
+        They are means of the last second: ``run.figures`` has the energies.
+        """
+        lost = Bookkeeping(commands_lost=self._run.control.commands_lost)
+        fields = status_fields(self._run.simulation, self._run.origin, "paused", lost)
+        return SimpleNamespace(**fields)
 
     @property
     def run(self) -> DrillRun:
@@ -98,9 +109,25 @@ class Drill:
         samples = self._block.sample_ends()
         return {name: float(values[-1]) for name, values in vars(samples).items()}
 
+    @property
+    def reacting_force(self) -> float:
+        """Mean force on the mount in the latest step, away from the rock [N]; NaN before it."""
+        if not self._blocks:
+            return math.nan
+        found = [_mean_force(block) for block in self._blocks]
+        lengths = [block.end - block.start for block in self._blocks]
+        return float(np.average(found, weights=lengths))
+
+    @property
+    def torque(self) -> float:
+        """Torque of the rotation on the mount, about the axis toward the rock [N m]; 0 without."""
+        rotation = self._run.simulation.process.rotation
+        return 0.0 if rotation is None else -rotation.drive_torque
+
     def step(self, seconds: float) -> float:
         """Advance, and return the simulation time that is reached [s]."""
         until = self._run.time + round(_STEP.check("step", seconds) * SECOND)
+        self._blocks.clear()
         for _ in self._run.advance_to(until):
             pass
         return self.time
@@ -192,3 +219,14 @@ class Drill:
 
     def _keep(self, block: Block) -> None:
         self._block = block
+        self._blocks.append(block)
+
+
+def _mean_force(block: Block) -> float:
+    """Return the mean reacting force in a block [N], by samples in the middles of equal parts."""
+    length = (block.end - block.start) / SECOND
+    count = max(4, math.ceil(length * _SAMPLES_PER_SECOND))
+    seconds, rest = divmod(block.start, SECOND)
+    fractions = rest / SECOND + length * (np.arange(count) + 0.5) / count
+    samples = block.sample(Times(np.full(count, seconds), fractions))
+    return float(samples.reacting_force.mean())
