@@ -6,12 +6,13 @@ import argparse
 import dataclasses
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.terminal import complain, printable
 
 RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 
@@ -90,7 +91,9 @@ def parameter_values(options: Any) -> dict[str, Any]:
 
     namespace = getattr(options, "namespace", NAMESPACE).strip("/")
     node = f"/{namespace}/drill_node" if namespace else "/drill_node"
-    values = read_parameter_file(options.config, node) if options.config else {}
+    values = {}
+    if options.config:
+        values = read_parameter_file(options.config, node, partial(complain, "rpud"))
     if options.regime:
         values["regime"] = options.regime
     values.update(parse_assignment(text) for text in options.assignments)

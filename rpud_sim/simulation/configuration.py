@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -268,22 +269,49 @@ def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
 _PARAMETERS = {name: declaration.allowed for name, declaration in PARAMETERS.items()}
 
 
-def read_parameter_file(path: str | Path, node: str = f"{NAMESPACE}/drill_node") -> dict[str, Any]:
+# Parameters that every ROS node may be started with, or beginnings of their names.
+OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.", "qos_overrides")
+
+
+def read_parameter_file(
+    path: str | Path,
+    node: str = f"{NAMESPACE}/drill_node",
+    passed: Callable[[str], object] = warnings.warn,
+) -> dict[str, Any]:
     """Return what a ROS parameter file has for a node, by its full name.
 
     Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.
     Of two that fit the node the later one counts. One without a namespace fits the node in each.
+    Parameters that ROS itself declares are left out. A section for several nodes may have others
+    for them: ``passed`` is called with a line for each.
     Raise ``ParameterError`` if no section is the node's.
     """
     whole = open_yaml(path)
     sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
     for name, parameters in _sections(whole):
         sections.setdefault(name, []).append(parameters)
-    found = [each for name, same in sections.items() if _is_of(name, node) for each in same]
+    found = [(name, each) for name, same in sections.items() if _is_of(name, node) for each in same]
     if not found:
         others = ", ".join(map(shown_name, sections)) or "no ros__parameters"
         raise whole.error(f"nothing is for {node}: the file has {others}")
-    return {name: value for each in found for name, value in read(each, _PARAMETERS).items()}
+    values: dict[str, Any] = {}
+    for section, each in found:
+        values.update(read(_of_drill(section, each, passed), _PARAMETERS))
+    return values
+
+
+def _of_drill(section: str, cursor: Cursor, passed: Callable[[str], object]) -> Cursor:
+    """Return a section without what belongs to ROS, or to other nodes of a section for many."""
+    kept, several = {}, "*" in section.rpartition("/")[2]
+    for name, each in cursor.mapping().items():
+        if str(name).startswith(OF_ROS):
+            continue
+        if several and name not in _PARAMETERS:
+            line = f"{each.prefix}{shown_name(name)} is not a parameter of the drill: left out"
+            passed(line)
+        else:
+            kept[name] = each.value
+    return dataclasses.replace(cursor, value=kept)
 
 
 def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:

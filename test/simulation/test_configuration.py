@@ -130,6 +130,20 @@ def test_a_parameter_file_has_sections_of_several_nodes(tmp_path):
     assert left == {"weight_on_bit": 11.0, "gravity": 1.62}
 
 
+def test_a_section_for_several_nodes_may_have_parameters_of_others(tmp_path):
+    path, lines = tmp_path / "robot.yaml", []
+    path.write_text(
+        "/**:\n  ros__parameters: {use_sim_time: true, weight_on_bit: 5.0, max_speed: 3}\n"
+        "/rpud/drill_node:\n  ros__parameters:\n    gravity: 1.62\n"
+        "    qos_overrides: {/clock: {subscription: {depth: 1}}}\n"
+    )
+    found = read_parameter_file(path, passed=lines.append)
+    assert found == {"weight_on_bit": 5.0, "gravity": 1.62}
+    assert lines == [f"{path}:2: max_speed is not a parameter of the drill: left out"]
+    path.write_text("drill_node:\n  ros__parameters: {max_speed: 3}\n")
+    assert "max_speed is not a parameter" in refusal(read_parameter_file, path)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [

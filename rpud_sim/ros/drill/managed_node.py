@@ -34,13 +34,11 @@ from rpud_sim.foundation.quantities import (
     shown,
 )
 from rpud_sim.ros.threads import raised
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings, to_settings
+from rpud_sim.simulation.configuration import CHANGEABLE, OF_ROS, PARAMETERS, Settings, to_settings
 
 Managed = TypeVar("Managed", bound="ManagedNode")
 Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
 
-# Parameters that every ROS node may be started with; some are declared later than ours.
-_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 # What changes it while the drill runs, where a command does.
 _COMMANDED = {
     "weight_on_bit": "; command it on command/weight_on_bit",
@@ -208,7 +206,7 @@ def declare_settings(node: Node) -> Settings:
         {
             name: override.value
             for name, override in node._parameter_overrides.items()
-            if not (node.has_parameter(name) or name.startswith(_OF_ROS))
+            if not (node.has_parameter(name) or name.startswith(OF_ROS))
         }
     )
     for declaration in PARAMETERS.values():
