@@ -141,7 +141,7 @@ def test_a_section_for_several_nodes_may_have_parameters_of_others(tmp_path):
     assert found == {"weight_on_bit": 5.0, "gravity": 1.62}
     assert lines == [f"{path}:2: max_speed is not a parameter of the drill: left out"]
     path.write_text("drill_node:\n  ros__parameters: {max_speed: 3}\n")
-    assert "max_speed is not a parameter" in refusal(read_parameter_file, path)
+    assert "'max_speed' is not a key here" in refusal(read_parameter_file, path)
 
 
 @pytest.mark.parametrize(
