@@ -16,7 +16,7 @@ from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.tables import Table
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, TopicBatch, TopicMessages
@@ -254,5 +254,5 @@ def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
         each.topic.name.rpartition("/")[0] for each in topics if each.topic.type == _STATUS_TYPE
     )
     if len(found) > 1:
-        raise ExpectationError(f"the bag holds several drills, {', '.join(found)}: name one")
+        raise ExpectationError(f"the bag holds several drills, {listed(found)}: name one")
     return found[0] if found else NAMESPACE
