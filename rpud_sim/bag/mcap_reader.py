@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -177,15 +177,7 @@ class McapFile:
                     raise BagFormatError("a chunk is not what its index says")
                 content = uncompressed(record)
             _, places, heads = split_records(content)
-            if (
-                undeclared := {*np.unique(heads["channel"]).tolist()}
-                - self._contents.channels.keys()
-            ):
-                raise BagFormatError(
-                    f"it has messages of channel {min(undeclared)}, which it does not declare; "
-                    f"{REMEDY}"
-                )
-            return _batches_in(content, places, heads, wanted)
+            return _batches_in(content, places, heads, wanted, self._contents.channels)
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
@@ -267,17 +259,24 @@ def _without_comments(definition: str) -> str:
 
 
 def _batches_in(
-    content: bytes, places: np.ndarray, heads: np.ndarray, topics: dict[int, str]
+    content: bytes,
+    places: np.ndarray,
+    heads: np.ndarray,
+    topics: dict[int, str],
+    declared: Container[int],
 ) -> list[SerializedBatch]:
     """Return the messages among records, a batch for each topic in the order of log times.
 
-    ``topics`` has the names of the channels to read, by their numbers.
+    ``topics`` has the names of the channels to read, by their numbers. A message of a channel that
+    is not ``declared`` is a BagFormatError.
     """
     data = np.frombuffer(content, np.uint8)
     names: dict[str, int] = {}
     held = np.bincount(heads["channel"])
     numbers = np.full(len(held), -1)  # of the topic of each channel; -1 if it is not wanted
     for channel in np.flatnonzero(held).tolist():
+        if channel not in declared:
+            raise BagFormatError(f"it has messages of channel {channel}, undeclared; {REMEDY}")
         if channel in topics:
             numbers[channel] = names.setdefault(topics[channel], len(names))
     of_message = numbers[heads["channel"]]
