@@ -50,3 +50,26 @@ def test_no_command_prints_what_steers_a_terminal(capsys, evil_bag, tmp_path, wo
         [frame] = re.findall('class="frame">([^<]*)<', page)
         assert f"{ESCAPED} " in " ".join(decode(base64.b64decode(frame))["timing"]) + " "
         assert not {"\x1b", "\x9b", "\u202e", "\x00"} & set(page)
+
+
+@pytest.mark.parametrize(
+    "words", [["info"], ["report", "--out"], ["export", "--out"], ["recover", "--out"], ["verify"]]
+)
+def test_a_name_has_a_greatest_length_wherever_it_is_printed(capsys, tmp_path, words):
+    long = "/long name" * 500
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic(long, "std_msgs/msg/String" + long), STRING_DEFINITION)
+        bag.add_topic(Topic("/untold" + long, "pkg/msg/Untold" + long))
+        bag.add_topic(Topic("/text", "std_msgs/msg/String"), STRING_DEFINITION)
+        bag.write_message(long, b"\0\7\0\0", START, START)
+    command, *out = words
+    _, output, errors = called(
+        capsys, command, tmp_path / "bag", *out, *[tmp_path / "o"] * len(out)
+    )
+    assert max(map(len, (output + errors).splitlines())) < 1100
+    assert "/long name" * 25 not in output + errors
+
+
+def test_a_long_text_loses_its_middle():
+    assert printable("a" * 100 + "b" * 100, 21) == "a" * 9 + "..." + "b" * 9
+    assert printable("a" * 21, 21) == "a" * 21

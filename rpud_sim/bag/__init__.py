@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rpud_sim.bag.batches import Message, SerializedBatch
     from rpud_sim.bag.columns import Column, Kind
-    from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
+    from rpud_sim.bag.errors import (
+        BagError,
+        BagExistsError,
+        BagFormatError,
+        BagNotFoundError,
+        BagWarning,
+    )
     from rpud_sim.bag.mcap_reader import BagChunk
     from rpud_sim.bag.metadata import Losses, QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
@@ -32,6 +38,7 @@ __all__ = [
     "BagFormatError",
     "BagNotFoundError",
     "BagReader",
+    "BagWarning",
     "BagWriter",
     "Batch",
     "Column",
@@ -53,7 +60,7 @@ __all__ = [
 # libraries of bags are missing.
 _MODULES = {
     "columns": ("Column", "Kind"),
-    "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError"),
+    "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError", "BagWarning"),
     "batches": ("Message", "SerializedBatch"),
     "metadata": ("Losses", "QosProfile", "Topic", "TopicSummary"),
     "mcap_reader": ("BagChunk",),

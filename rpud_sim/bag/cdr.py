@@ -35,8 +35,17 @@ _BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
 _LEAST_NUMBER = 10  # in sequences and arrays: Parquet adds levels to each
 _LEAST_TEXT = 5  # its length, and the zero at its end
 
-_SEPARATOR = re.compile(r"^={80}\nMSG: ", re.MULTILINE)
+_SEPARATOR = re.compile(r"^={80}[ \t]*\n\s*MSG:", re.MULTILINE)
+_IDL = re.compile(r"^={80}\s*IDL:", re.MULTILINE)
+_WIDE_TEXT = re.compile(r"^[ \t]*wstring\b", re.MULTILINE)
+# Line of a definition: a comment, or a type with a name and perhaps a value.
+_LINE = re.compile(
+    r"\s*(#.*|[A-Za-z][\w/]*(<=\d+)?(\[(<=)?\d*\])?\s+[A-Za-z]\w*\s*([=\d.'\"\[#+-].*|true.*|false.*)?)?",
+    re.IGNORECASE,
+)
 _ORDERS = {b"\0\0": ">", b"\0\1": "<"}  # of the bytes of numbers, by the beginning of a message
+_XCDR2 = bytes(range(6, 12))  # second byte of a message
+_ZSTD = b"\x28\xb5\x2f\xfd"  # beginning of a compressed frame
 
 Sizes = TypeVar("Sizes", int, np.ndarray)
 
@@ -85,9 +94,9 @@ class Codec:
     def decode(self, data: bytes) -> Any:
         """Return a message as ``Decoded``."""
         with self._understanding("message"):
-            order = _ORDERS.get(data[:2])
-            if order is None:
-                raise ValueError("its encapsulation is not plain CDR")
+            if reason := foreign_encoding(data):
+                raise ValueError(reason)
+            order = _ORDERS[data[:2]]
             cursor = _Cursor(data, order, self.shape.memory)
             value = self._reader(order, self.members)(cursor)
             if not cursor.place <= len(data) <= cursor.place + cursor.spare:
@@ -100,6 +109,8 @@ class Codec:
 
     def _members(self, name: str, known: dict[str, Members]) -> Members:
         if name not in known:
+            if name not in self._types:
+                raise ValueError(f"it lacks the type {name:.80}")
             fields = self._types[name][1]
             if len(dict(fields)) < len(fields):
                 raise ValueError(f"{name:.80} has two fields of one name")
@@ -181,13 +192,34 @@ class Codec:
         try:
             yield
         except (*DAMAGED, AssertionError, TypesysError) as error:
-            reason = " ".join(f"{error!r:.200}".split())
             raise BagFormatError(
-                f"a {what} of {self.type:.80} cannot be understood: {reason}"
+                f"a {what} of {self.type:.80} cannot be understood: {_reason(error)}"
             ) from error
 
 
+def _reason(error: BaseException) -> str:
+    """Return in words why a definition or a message cannot be understood."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a text is not UTF-8"
+    if isinstance(error, struct.error | EOFError | IndexError):
+        return "it ends too early"
+    if isinstance(error, RecursionError):
+        return "its types are nested too deep, or contain themselves"
+    return " ".join(f"{error!s:.200}".split()) or type(error).__name__
+
+
 _NO_FIELDS = Shape(1, _FIELD, 1, 0)
+
+
+def foreign_encoding(data: bytes) -> str:
+    """Return in words why the bytes of a message are no plain CDR; empty if they may be."""
+    if data[:2] in _ORDERS and len(data) >= HEAD:
+        return ""
+    if data[:4] == _ZSTD:
+        return "it is a frame of zstd, not plain CDR: rosbag2 compressed each message"
+    if data[:1] == b"\0" and data[1:2] in _XCDR2:
+        return "it is XCDR2, not plain CDR"
+    return "its encapsulation is not plain CDR"
 
 
 def is_number(node: Node) -> bool:
@@ -275,7 +307,18 @@ def _numbers_reader(order: str, code: str, length: _Reader) -> _Reader:
 
 @lru_cache(64)
 def _types_in(part: str, type_name: str) -> Typesdict:
-    return get_types_from_msg(part, type_name)
+    if _WIDE_TEXT.search(part):
+        raise ValueError("it has a wstring, which releases of ROS serialize in different ways")
+    if _IDL.search(part):
+        raise ValueError("a part of it is IDL; only ros2msg, the text of a .msg, is read")
+    try:
+        return get_types_from_msg(part, type_name)
+    except TypesysError as error:
+        for number, line in enumerate(part.splitlines(), 1):
+            if not _LINE.fullmatch(line):
+                text = f"line {number} of {type_name:.80} is no field: {line:.80}"
+                raise ValueError(text) from error
+        raise
 
 
 def _types_of(definition: str, type_name: str) -> Typesdict:

@@ -37,7 +37,7 @@ COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 RECEIVED = ("log_time", "publish_time")
 
 _TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
-_FIELD_LINE = re.compile(r"^ *[^\s#]+ +(\w+)[^#\n=]*#+ *(.*?) *$", re.MULTILINE)
+_FIELD_LINE = re.compile(r"^[ \t]*[^\s#]+[ \t]+(\w+)[^#\n=]*#+[ \t]*(.*?)[ \t]*$", re.MULTILINE)
 _LEAST_TOGETHER = 4  # messages; fewer are decoded faster one by one
 _KNOWN_TEXTS = 1000
 _MOST_TEXTS = 1000  # of a list in messages that are read together

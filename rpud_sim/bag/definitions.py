@@ -11,15 +11,45 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rpud_sim.bag.errors import DefinitionNotFoundError
+
+if TYPE_CHECKING:
+    from mcap.records import Schema
 
 _OWN_PLACE = Path(__file__).with_name("share")
 _SEPARATOR = "=" * 80
 _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 _PRIMITIVES = {"bool", "byte", "char", "float32", "float64", "string", "wstring", *_INTEGERS}
+_IDL = ("ros2idl", "omgidl")  # encodings of schemas
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
 _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
+
+
+def definition_of(schema: Schema) -> tuple[str | None, str]:
+    """Return the ``ros2msg`` text of a schema, or None and the reason why it has none.
+
+    Lines end as on Unix, whatever the machine that installed the definition.
+    """
+    if schema.encoding == "ros2msg":
+        try:
+            text = schema.data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            byte = schema.data[error.start]
+            return None, f"the definition of its type is not UTF-8: it has the byte 0x{byte:02x}"
+        return text.replace("\r\n", "\n").replace("\r", "\n"), ""
+    if not schema.encoding:
+        return None, "the bag does not hold the definition of its type"
+    kind = "IDL" if schema.encoding in _IDL else f"{schema.encoding!r:.40}"
+    return None, f"the definition of its type is {kind}; only ros2msg, the text of a .msg, is read"
+
+
+def full_name(schema: Schema) -> str:
+    """Return the name of a schema's type; ``pkg/Type`` is short for ``pkg/msg/Type`` in ROS."""
+    if schema.encoding in ("ros2msg", *_IDL) and (match := _TYPE_NAME.fullmatch(schema.name)):
+        return f"{match[1]}/msg/{match[2]}"
+    return schema.name
 
 
 def find_definition(type_name: str) -> str:

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rpud_sim.foundation.quantities import ExpectedError
+from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning
 
 # Errors that Python raises where a value is not of the expected form.
 MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
@@ -22,12 +22,21 @@ class BagError(ExpectedError):
     """
 
     def __init__(self, text: str = "") -> None:
-        super().__init__(
-            "".join(
-                each if each.isprintable() else ascii(each)[1:-1]  # as in Python: \n, \x1b
-                for each in text
-            )
-        )
+        super().__init__(_escaped(text))
+
+
+def _escaped(text: str) -> str:
+    return "".join(
+        each if each.isprintable() else ascii(each)[1:-1]  # as in Python: \n, \x1b
+        for each in text
+    )
+
+
+class BagWarning(ExpectedWarning):
+    """Warning of a bag that is read as a whole, and is not as rosbag2 writes it."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(_escaped(text))
 
 
 class BagExistsError(BagError):

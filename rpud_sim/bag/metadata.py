@@ -13,6 +13,7 @@ import os
 import platform
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -141,10 +142,11 @@ class TopicSummary:
     # log time of the first message [ns]; None without messages or without an index
     first_time: int | None
     last_time: int | None  # log time of the last message [ns]; None as for ``first_time``
-    definition: str | None  # ``ros2msg`` text of the type; None if the file lacks it
+    definition: str | None  # ``ros2msg`` text of the type; None if the file has no such text
     losses: Losses | None = None  # messages that the recorder lost; None if they were not counted
     # encoding, type and definition without comments, of all channels
     kinds: frozenset[tuple[str, str, str]] = frozenset()
+    undefined: str = ""  # reason why there is no definition; empty if there is one
 
     @classmethod
     def joined(cls, parts: Sequence[TopicSummary], losses: Losses | None) -> TopicSummary:
@@ -157,6 +159,7 @@ class TopicSummary:
             first_time=min(known, default=None),
             last_time=max(known, default=None),
             definition=parts[0].definition,
+            undefined=parts[0].undefined,
             losses=losses,
             kinds=frozenset().union(*(part.kinds for part in parts)),
         )
@@ -189,6 +192,7 @@ class ReadMetadata(NamedTuple):
     storage_identifier: str
     relative_file_paths: tuple[str, ...]
     compression_mode: str  # of whole files or messages, not that of MCAP chunks
+    message_counts: Mapping[str, int]  # of files, by their paths; empty before version 5
 
 
 def metadata_of(files: Sequence[FileInformation], counts: Mapping[Topic, int]) -> dict[str, Any]:
@@ -237,8 +241,7 @@ def dump_document(metadata: Mapping[str, Any]) -> str:
 
 def dump_yaml(value: Any) -> str:
     """Return the text of a metadata record."""
-    text: str = yaml.dump(value, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
-    return text
+    return str(yaml.dump(value, Dumper=_DUMPER, sort_keys=False, allow_unicode=True))
 
 
 def metadata_from_document(text: str) -> ReadMetadata:
@@ -252,6 +255,9 @@ def metadata_from_document(text: str) -> ReadMetadata:
             storage_identifier=str(value["storage_identifier"]),
             relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
             compression_mode=str(value.get("compression_mode") or ""),
+            message_counts={
+                str(each["path"]): int(each["message_count"]) for each in value.get("files") or ()
+            },
         )
 
 
@@ -316,10 +322,8 @@ def _check_size(text: str) -> None:
             if event.implicit[0] and _LONG_NUMBER.fullmatch(event.value):
                 raise BagFormatError(f"the rosbag2 metadata has a number {event.value[:20]}...")
         if size > SIZE_LIMIT or depth > _DEPTH_LIMIT:
-            raise BagFormatError(
-                f"the rosbag2 metadata is larger than {SIZE_LIMIT} or nested deeper than "
-                f"{_DEPTH_LIMIT}"
-            )
+            limits = f"{SIZE_LIMIT} or nested deeper than {_DEPTH_LIMIT}"
+            raise BagFormatError(f"the rosbag2 metadata is larger than {limits}")
 
 
 def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
@@ -408,10 +412,8 @@ def installed_versions() -> dict[str, str]:
         "ros_distro": os.environ.get("ROS_DISTRO") or "jazzy",  # ROS from PyPI does not set it
     }
     for package in _PACKAGES:
-        try:
+        with suppress(metadata.PackageNotFoundError):
             versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
     return versions
 
 

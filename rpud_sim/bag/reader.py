@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from functools import cached_property
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
@@ -17,27 +18,17 @@ from rpud_sim.bag.batches import (
     messages_of,
     ordered_by_topic,
 )
-from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, OtherStorageError
+from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, BagWarning
+from rpud_sim.bag.folders import storage_files
+from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.mcap_reader import BagChunk, McapFile
-from rpud_sim.bag.metadata import (
-    FILE_NAME,
-    LOSSES_RECORD,
-    Losses,
-    TopicSummary,
-    local_name,
-    losses_from_record,
-    read_document,
-)
-from rpud_sim.bag.records import reading
+from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, TopicSummary, losses_from_record
 
 if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
     from rpud_sim.bag.tables import Batch, Tables
-
-# Suffixes of files that rosbag2 may write, and that are not read.
-_OTHERS = (".db3", ".db3.zstd", ".mcap.zstd")
 
 # Greatest size of the chunks that are open at once, because they overlap in time [bytes].
 _OVERLAP_LIMIT = 256 * 2**20
@@ -46,18 +37,25 @@ _OVERLAP_LIMIT = 256 * 2**20
 class BagReader:
     """Open bag: its topics, and its messages in the order of their log times.
 
-    All times are integer nanoseconds since the epoch.
+    All times are integer nanoseconds since the epoch. A bag that is read as a whole, and is not as
+    rosbag2 writes it, gives a ``BagWarning``.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)  # that the bag was opened with
         self._opened = ExitStack()
         try:
-            self.files = tuple(storage_files(self.path))  # the storage files
+            found = storage_files(self.path)
+            if found.missing:
+                hint = "; rpud recover makes a bag of the other files" if found.files else ""
+                raise BagNotFoundError(f"{self.path}: {found.missing[0]}{hint}")
+            self.files = found.files  # the storage files
             self._files = [self._opened.enter_context(McapFile(file)) for file in self.files]
         except BaseException:
             self.close()
             raise
+        for text in (*found.warnings, *(file.warning for file in self._files if file.warning)):
+            warnings.warn(BagWarning(text), stacklevel=3)
         self.size = sum(file.size for file in self._files)  # of the storage files [bytes]
         # Statistics of a file without messages say that it starts at 0.
         self._filled = [file for file in self._files if file.message_count]
@@ -117,7 +115,7 @@ class BagReader:
 
     def chunks(self) -> list[BagChunk]:
         """Return the chunks, sorted by their beginnings."""
-        found = (chunk for file in self._filled for chunk in file.chunks())
+        found = (chunk for file in self._files for chunk in file.chunks())
         return sorted(found, key=lambda chunk: chunk.start_time)
 
     def messages(
@@ -150,9 +148,10 @@ class BagReader:
     def _due(
         self, topics: Collection[str] | None, start: int, duration: int | None
     ) -> Iterator[list[SerializedBatch]]:
-        start += self.start_time
-        end = None if duration is None else start + duration
-        return _due_batches(self.chunks(), topics, start, end)
+        begin = start + self.start_time
+        end = None if duration is None else begin + duration
+        # A whole bag has all messages, whatever times its statistics say.
+        return _due_batches(self.chunks(), topics, begin if start > 0 else 0, end)
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``tables``."""
@@ -254,60 +253,6 @@ class BagReader:
         return tuple(topics), errors
 
 
-def storage_files(path: Path) -> list[Path]:
-    """Return the files of a bag in the order of its metadata; an error for other storages."""
-    if path.is_file():
-        return [_checked(path)]
-    if not path.is_dir():
-        raise BagNotFoundError(f"there is no bag at {path}")
-    document = path / FILE_NAME
-    if not document.is_file():
-        files = in_order(path.glob("*.mcap"))
-        if not files:
-            for other in sorted(path.iterdir()):
-                _checked(other)
-            raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP file")
-        return files
-    with reading(document):
-        metadata = read_document(document)
-    if metadata.storage_identifier != "mcap":
-        raise _to_convert(document, f"storage is {metadata.storage_identifier!r:.80}")
-    if metadata.compression_mode.lower() not in ("", "none"):
-        raise _to_convert(document, f"compression_mode is {metadata.compression_mode!r:.80}")
-    names = []
-    for name in metadata.relative_file_paths:
-        names.append(PurePosixPath(local_name(name)))
-        if names[-1].is_absolute() or ".." in names[-1].parts:
-            raise BagFormatError(f"{document}: the file {name!r:.200} is outside of the bag")
-    if len(set(names)) < len(names):
-        raise BagFormatError(f"{document}: a file is named twice")
-    return [path / name for name in names]
-
-
-def in_order(files: Iterable[Path]) -> list[Path]:
-    """Return files of a bag sorted by their numbers: ``run_10.mcap`` follows ``run_9.mcap``."""
-
-    def parts(file: Path) -> tuple[str, int, str]:
-        stem = file.stem.rstrip("0123456789")
-        digits = file.stem[len(stem) :]
-        return stem, len(digits), digits
-
-    return sorted(files, key=parts)
-
-
-def _checked(file: Path) -> Path:
-    if file.name.endswith(_OTHERS):
-        raise _to_convert(file, "it is not a plain MCAP file")
-    return file
-
-
-def _to_convert(path: Path, reason: str) -> OtherStorageError:
-    return OtherStorageError(
-        f"{path}: {reason}; rpud reads MCAP files with compressed chunks alone. To get one: ros2 "
-        "bag convert -i BAG -o OPTIONS.yaml, with storage_id: mcap in OPTIONS.yaml"
-    )
-
-
 def _due_batches(
     chunks: Iterable[BagChunk],
     topics: Collection[str] | None = None,
@@ -329,8 +274,10 @@ def _due_batches(
     ]
     waiting: list[SerializedBatch] = []
     opened: list[tuple[int, int]] = []  # last time and size of chunks
+    reached = -1  # log time of the last message so far
     for chunk in sorted(chosen, key=lambda chunk: chunk.start_time):
         due, waiting = _parted(waiting, chunk.start_time)
+        reached = max([reached, *(int(batch.log_times[-1]) for batch in due)])
         yield due
         opened = [each for each in opened if each[0] >= chunk.start_time]
         if opened and chunk.size + sum(size for _, size in opened) > _OVERLAP_LIMIT:
@@ -344,6 +291,10 @@ def _due_batches(
             behind = len(batch) if end is None else _count_before(batch.log_times, end)
             batch = batch.part(slice(first, behind))
             if len(batch):
+                if batch.log_times[0] < reached:
+                    raise BagFormatError(
+                        f"{chunk.file.path}: a message is earlier than its chunk says; {REMEDY}"
+                    )
                 waiting.append(batch)
                 last = max(last, int(batch.log_times[-1]))
         if last >= 0:

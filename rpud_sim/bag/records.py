@@ -29,6 +29,9 @@ from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundEr
 
 CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
 DECLARATION_LIMIT = 16 * 2**20  # greatest record without messages, index or attachment [bytes]
+DECLARED_LIMIT = 64 * 2**20  # greatest size of all channels and schemas of a file [bytes]
+RECORDS_LIMIT = 2**22  # greatest number of records in a chunk; few bytes can be millions
+DECLARATIONS_LIMIT = 2**18  # greatest number of channels and schemas in a chunk
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
@@ -50,7 +53,6 @@ ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])  # of a message index
 
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
 _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
-_PRIVATE = 0x80  # kinds from here on are for others to define
 _KINDS: dict[int, Any] = {
     Opcode.CHANNEL: kinds.Channel,
     Opcode.CHUNK: Chunk,
@@ -123,16 +125,25 @@ def message_index(record: RawRecord) -> tuple[int, np.ndarray]:
     content = record.content
     if record.opcode == Opcode.MESSAGE_INDEX and len(content) >= INDEX.size:
         channel, length = INDEX.unpack_from(content)
-        if length % ENTRY.itemsize == 0 and INDEX.size + length == len(content):
+        if length % ENTRY.itemsize == 0 and INDEX.size + length <= len(content):
             return channel, np.frombuffer(content, ENTRY, length // ENTRY.itemsize, INDEX.size)
     raise BagFormatError("a chunk's message index is not where it should be")
 
 
-def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, and start and end of the content, of each record in a chunk's data."""
+def split_records(data: bytes) -> tuple[list[RawRecord], np.ndarray, np.ndarray]:
+    """Return the records of a chunk: its different declarations, and its messages.
+
+    Of the messages these are the places, and their ``HEAD``.
+    """
     unpack, head, least = RECORD.unpack_from, RECORD.size, MESSAGE.size
     offset, size, message = 0, len(data), Opcode.MESSAGE  # looked up once: chunks have thousands
-    while offset < size:
+    declarations = (Opcode.SCHEMA, Opcode.CHANNEL)
+    declared: dict[tuple[int, bytes], RawRecord] = {}
+    starts: list[int] = []
+    count = 0  # of declarations
+    for _ in range(RECORDS_LIMIT):
+        if offset >= size:
+            break
         if offset + head > size:
             raise BagFormatError("a record reaches beyond its chunk")
         opcode, length = unpack(data, offset)
@@ -140,16 +151,20 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
         offset = start + length
         if offset > size or opcode == 0 or (length < least and opcode == message):
             raise BagFormatError("a chunk holds what is no record")
-        yield opcode, start, offset
-
-
-def message_heads(data: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the messages among records begin, and their ``HEAD``."""
-    message = Opcode.MESSAGE
-    starts = [start for opcode, start, _ in records_in(data) if opcode == message]
+        if opcode == message:
+            starts.append(start)
+        elif opcode in declarations:
+            count += 1
+            content = data[start:offset]
+            if (opcode, content) not in declared:
+                declared[opcode, content] = RawRecord(opcode, content, offset)
+            if count > DECLARATIONS_LIMIT:
+                raise BagFormatError(f"a chunk has more than {DECLARATIONS_LIMIT} declarations")
+    if offset < size:
+        raise BagFormatError(f"a chunk has more than {RECORDS_LIMIT} records")
     places = np.array(starts, np.int64) - RECORD.size
     heads = items(np.frombuffer(data, np.uint8), HEAD)[places] if starts else np.empty(0, HEAD)
-    return places, heads
+    return [*declared.values()], places, heads
 
 
 def uncompressed(chunk: Chunk) -> bytes:
@@ -206,8 +221,8 @@ class RecordFile:
         if len(head) < RECORD.size:
             return None
         opcode, length = RECORD.unpack(head)
-        known = 0 < opcode <= max(Opcode) or opcode >= _PRIVATE
-        if not known or (opcode not in _ANY_LENGTH and length > _limit(opcode)):
+        # A later version of the format, and others, may add kinds.
+        if not opcode or (opcode not in _ANY_LENGTH and length > _limit(opcode)):
             return None
         return opcode, offset + RECORD.size + length
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -20,10 +21,19 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
 from rpud_sim.bag.batches import LATEST, gathered, items
-from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError, OtherStorageError
-from rpud_sim.bag.mcap_reader import REPEATED_KEY, McapFile
+from rpud_sim.bag.errors import (
+    BagError,
+    BagFormatError,
+    BagNotFoundError,
+    BagWarning,
+    OtherStorageError,
+)
+from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files
+from rpud_sim.bag.mcap_contents import summary_of
+from rpud_sim.bag.mcap_reader import REPEATED_KEY
 from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
+    FILE_NAME,
     LOSSES_RECORD,
     OFFERED_QOS_KEY,
     RECORD_NAME,
@@ -34,9 +44,10 @@ from rpud_sim.bag.metadata import (
     load_offered_qos,
     losses_from_record,
 )
-from rpud_sim.bag.reader import BagReader, in_order, storage_files
+from rpud_sim.bag.reader import BagReader
 from rpud_sim.bag.records import (
     CHUNK_HEAD,
+    DECLARED_LIMIT,
     HEAD,
     MAGIC,
     MESSAGE,
@@ -44,11 +55,10 @@ from rpud_sim.bag.records import (
     UNREADABLE,
     RawRecord,
     RecordFile,
-    message_heads,
     message_index,
     parse,
     reading,
-    records_in,
+    split_records,
     uncompressed,
 )
 from rpud_sim.bag.recovery_account import Recovery
@@ -59,8 +69,11 @@ RECOVERY_RECORD = "rpud_recovery"
 
 _LONGEST_NAME = 32  # of a compression [bytes]
 _BLOCK = 1 << 20  # bytes that are searched together
-_DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
-_EFFORT = 2**30  # bytes that a search may read, beside four times the file
+_FIRST_BLOCK = 1 << 12  # of a search: the next record is often near
+# Work of all searches in a file that found nothing: so many bytes, and four times the file. So
+# time grows with the file, whatever it has. A file that reaches it is not searched further.
+_EFFORT = 2**28
+_LOOK = _PARSING = 64  # work of looking at a place, and of parsing a byte, as bytes
 # A record that is worth finding: its kind, and a length below 4 GiB.
 _BEGINNING = re.compile(rb"[\x03-\x07\x0c](?=.{4}\x00{4})", re.DOTALL)
 _OF_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
@@ -76,8 +89,12 @@ def recover(
     ``torn`` is an MCAP file or a bag's directory. A recovery that fails leaves nothing at ``out``.
     ``progress`` is called with the bytes that were read since the last call.
     """
-    files = files_to_recover(torn)
+    files, missing, renamed = files_to_recover(torn)
     recovery = Recovery(Path(out))
+    for reason in missing:
+        recovery.note(f"lost: {reason}")
+    for text in renamed:
+        warnings.warn(BagWarning(text), stacklevel=2)
     with whole_bag(out) as bag:
         numbers: dict[tuple[Any, ...], int] = {}
         found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in files]
@@ -90,21 +107,23 @@ def recover(
     return recovery
 
 
-def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
+def files_to_recover(torn: str | os.PathLike[str]) -> BagFiles:
     """Return the MCAP files of a bag, whether or not its metadata can be read."""
     path = Path(torn)
     try:
-        files = [file for file in storage_files(path) if file.is_file()]
+        found = storage_files(path)
     except OtherStorageError:
         raise
     except BagFormatError:  # of the metadata
-        files = []
-    if path.is_dir():
+        found = BagFiles(())
+    folder = path.parent if path.name == FILE_NAME and path.is_file() else path
+    files = [file for file in found.files if file.is_file()]
+    if folder.is_dir():
         # Of a torn bag the metadata may be missing, or be older than its last files.
-        files += in_order({file for file in path.glob("*.mcap") if file.is_file()} - {*files})
+        files += [file for file in mcap_files(folder) if file.is_file() and file not in files]
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")
-    return files
+    return found._replace(files=tuple(files))
 
 
 class _TornFile:
@@ -202,13 +221,14 @@ class _TornFile:
         if not checked and not self._file.continues(end):
             return False
         try:
-            for kind, start, stop in records_in(data):
-                if kind in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._add_record(RawRecord(kind, data[start:stop], stop), checked)
-            self._add_messages(data, checked)
+            declarations, places, heads = split_records(data)
+            for record in declarations:
+                self._add_record(record, checked)
+            self._add_messages(data, places, heads, checked)
             self._index_lost = False
-        except UNREADABLE:
-            self._damage(offset, end, "is a chunk with what is no record")
+        except UNREADABLE as error:
+            reason = error if isinstance(error, BagFormatError) else "it holds what is no record"
+            self._damage(offset, end, f"is a lost chunk: {reason}")
         return True
 
     def _is_cut_off(self, offset: int) -> bool:
@@ -226,14 +246,19 @@ class _TornFile:
         return offset + RECORD.size + place + 8 + size == head[1]
 
     def _add_loose(self) -> None:
-        loose, self._loose = bytes(self._loose), bytearray()
-        self._add_messages(loose, checked=False)
+        if self._loose:
+            loose, self._loose = bytes(self._loose), bytearray()
+            _, places, heads = split_records(loose)
+            self._add_messages(loose, places, heads, checked=False)
 
-    def _sound(self, offset: int) -> RawRecord | None:
-        """Return the record at ``offset`` if its lengths agree and another record follows."""
+    def _sound(self, offset: int, *, exact: bool = False) -> RawRecord | None:
+        """Return the record at ``offset`` if its lengths agree and another record follows.
+
+        A later version of the format may append fields; ``exact`` refuses a record that has them.
+        """
         try:
             record = self._file.record(offset)
-            parse(record, exact=True)
+            parse(record, exact=exact)
             if record.opcode == Opcode.MESSAGE_INDEX:
                 message_index(record)
         except UNREADABLE:
@@ -244,29 +269,52 @@ class _TornFile:
 
     def _next(self, start: int) -> int:
         """Return the offset of the next record that proves itself, or the end of the file."""
-        for offset in range(start, self._file.size, _BLOCK):
-            block = self._file.content(offset, _BLOCK + RECORD.size - 1)
+        offset, size = start, _FIRST_BLOCK
+        while offset < self._file.size and self._effort > 0:
+            block = self._file.content(offset, size + RECORD.size - 1)
             for match in _BEGINNING.finditer(block):
-                if match.start() >= _BLOCK or self._effort < 0:
+                if match.start() >= size or self._effort <= 0:
                     break
                 if self._proves_itself(offset + match.start()):
                     return offset + match.start()
+            offset, size = offset + size, min(2 * size, _BLOCK)
         return self._file.size
 
     def _proves_itself(self, offset: int) -> bool:
+        """Return whether a record begins at ``offset``, in the time that the search still has."""
+        self._effort -= _LOOK
         head = self._file.head(offset)
         if head is None or head[1] > self._file.size:
             return False
-        self._effort -= head[1] - offset
-        if head[0] == Opcode.CHUNK:
-            with suppress(*UNREADABLE):
-                chunk = parse(self._file.record(offset), exact=True)
-                assert isinstance(chunk, Chunk)
-                return bool(chunk.uncompressed_crc and uncompressed(chunk))
+        kind, end = head
+        if kind == Opcode.CHUNK:
+            return self._proves_chunk(offset)
+        if kind in _OF_CHUNKS and self._chunked:  # it is one of a damaged chunk
             return False
-        if head[0] in _OF_CHUNKS and self._chunked:  # it is one of a damaged chunk
+        if not self._file.continues(end):
             return False
-        return self._sound(offset) is not None
+        if kind == Opcode.MESSAGE:
+            return end - offset >= HEAD.itemsize
+        work = (end - offset) * _PARSING
+        self._effort -= work
+        if self._sound(offset, exact=True) is None:
+            return False
+        self._effort += work
+        return True
+
+    def _proves_chunk(self, offset: int) -> bool:
+        with suppress(*UNREADABLE):
+            record = self._file.record(offset)
+            work = len(record.content)
+            self._effort -= work
+            chunk = parse(record)
+            assert isinstance(chunk, Chunk)
+            work += chunk.uncompressed_size
+            self._effort -= chunk.uncompressed_size
+            if chunk.uncompressed_crc and uncompressed(chunk):
+                self._effort += work  # only what finds nothing is counted
+                return True
+        return False
 
     def _read_summary(self) -> Mapping[int, int]:
         """Declare what a whole summary section declares; return its number of messages by channel.
@@ -274,13 +322,14 @@ class _TornFile:
         Nothing is declared, and the result empty, if there is no such section.
         """
         try:
-            with McapFile(self._path) as file:
-                declared: list[Schema | Channel] = [*file.schemas.values(), *file.channels.values()]
-                for record in declared:
-                    self._declare(record, True)
-                return file.counts
+            with reading(self._path), self._path.open("rb") as stream:
+                found = summary_of(RecordFile(stream))
         except BagError:
             return {}
+        declared: list[Schema | Channel] = [*found.schemas.values(), *found.channels.values()]
+        for record in declared:
+            self._declare(record, True)
+        return found.counts
 
     def _add_record(self, raw: RawRecord, checked: bool) -> None:
         record = parse(raw)
@@ -305,14 +354,15 @@ class _TornFile:
         if record.id in known and (not checked or known[record.id] == record):
             return
         self._declared += len(repr(record))
-        if self._declared > _DECLARED_LIMIT:
-            raise BagFormatError(f"{self._path} declares more than {_DECLARED_LIMIT} bytes")
+        if self._declared > DECLARED_LIMIT:
+            raise BagFormatError(f"{self._path} declares more than {DECLARED_LIMIT} bytes")
         known[record.id] = record
         self._number_of.clear()
 
-    def _add_messages(self, data: bytes, checked: bool) -> None:
-        """Add the messages among records, with the numbers of the new bag's channels."""
-        places, heads = message_heads(data)
+    def _add_messages(
+        self, data: bytes, places: np.ndarray, heads: np.ndarray, checked: bool
+    ) -> None:
+        """Add messages with their heads, and with the numbers of the new bag's channels."""
         known = np.maximum(heads["log_time"], heads["publish_time"]) <= LATEST
         known &= np.isin(heads["channel"], [*self._channels])
         self._unknown += int((~known).sum())

@@ -18,7 +18,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import RECEIVED, Column, FieldReader, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.metadata import TopicSummary
-from rpud_sim.foundation.quantities import did_you_mean, suggestion
+from rpud_sim.foundation.quantities import did_you_mean, listed, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
 
@@ -35,7 +35,6 @@ DEFINITIONS_LIMIT = 256 * 2**10
 
 _COMMENT = re.compile(r"#.*")
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
-_NAMES_SHOWN = 30
 _MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
@@ -78,7 +77,7 @@ class Table:
                 f"its messages are {summary.topic.serialization_format!r:.40}; only 'cdr' is read"
             )
         if summary.definition is None:
-            raise BagFormatError("the bag does not hold the definition of its type")
+            raise BagFormatError(summary.undefined)
         self.codec, self._fields = compiled(summary.topic.type, summary.definition)
         self._reader = FieldReader(self.codec, self._fields)
         self._has_rows = holds_rows(summary.topic.type, self._fields)
@@ -185,11 +184,11 @@ class Tables:
         if name in self._errors:
             raise self._errors[name]
         if name not in self._known:
-            listed = _listed(self._known) + suggestion(name, self._known)
-            raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {listed}")
+            held = listed(self._known) + suggestion(name, self._known)
+            raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {held}")
         found = self._open(name)
         if isinstance(found, BagFormatError):
-            raise BagFormatError(f"{self._path}: {name} cannot be a table: {found}") from found
+            raise BagFormatError(f"{self._path}: {name:.200} cannot be a table: {found}") from found
         return found
 
     def _open(self, name: str) -> Table | BagFormatError:
@@ -234,7 +233,7 @@ class Tables:
             try:
                 return tables[name].batch(batch, leave_out and partial(leave_out, name))
             except BagFormatError as error:
-                raise BagFormatError(f"{self._path}: {name}: {error}") from error
+                raise BagFormatError(f"{self._path}: {name:.200}: {error}") from error
 
         for whole in batches:
             name = whole.topic
@@ -266,12 +265,6 @@ class Tables:
             }
             for name, table in tables.items()
         }
-
-
-def _listed(names: Iterable[str]) -> str:
-    names = sorted(names)
-    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
-    return ", ".join(f"{name:.80}" for name in names[:_NAMES_SHOWN]) + more or "none"
 
 
 def to_frame(

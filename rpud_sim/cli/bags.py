@@ -18,7 +18,14 @@ from rpud_sim.foundation.options import (
     start_option,
 )
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.terminal import cell, complain, printable, table
+from rpud_sim.foundation.terminal import (
+    LONGEST_LINE,
+    LONGEST_NAME,
+    cell,
+    complain,
+    printable,
+    table,
+)
 from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
@@ -65,7 +72,7 @@ def _info_lines(content: dict[str, Any]) -> Iterator[str]:
     yield f"end       {end}"
     yield f"messages  {content['message_count']}"
     size = f"{content['size'] / 1e6:.2f} MB"
-    yield f"size      {size}, compression {printable(content['compression'])}"
+    yield f"size      {size}, compression {printable(content['compression'], LONGEST_NAME)}"
     yield ""
     rows = [
         (name, kind, count, cell(rate, ".2f"), cell(lost, none="unknown"))
@@ -92,7 +99,7 @@ def _moment(nanoseconds: int) -> str:
 def _recover(options: Any) -> int:
     from rpud_sim.bag.recovery import files_to_recover, recover
 
-    size = sum(file.stat().st_size for file in files_to_recover(options.torn))
+    size = sum(file.stat().st_size for file in files_to_recover(options.torn).files)
     with progress_bar("B", size, scaled=True) as bar:
         recovery = recover(options.torn, options.out, bar.update)
     print_result(options, recovery.to_mapping(), lambda: _recovery_lines(recovery))
@@ -109,13 +116,14 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     yield from table(("topic", "type", "recovered", "lost"), rows, left=2)
     yield ""
     for topic in recovery.topics.values():
-        name, losses = printable(topic.name), topic.recording_losses
+        name, losses = printable(topic.name, LONGEST_NAME), topic.recording_losses
         if topic.unchecked:
             yield f"{topic.unchecked} messages on {name} have no checksum"
         if losses is not None and losses.total != 0:
             lost = cell(losses.total, none="unknown")
             yield f"lost before they were written on {name}: {lost}"
-    yield from map(printable, recovery.damages)
+    for reason in recovery.damages:
+        yield printable(reason, LONGEST_LINE)
     if recovery.damage_count > len(recovery.damages):
         yield f"... {recovery.damage_count} damaged places in all"
     if recovery.size_lost:
@@ -169,16 +177,19 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     yield from table(("topic", *_COUNTS, "lost"), rows, left=1)
     yield ""
     if difference := found.first_difference:
-        at = f"{printable(difference.topic)} at {difference.stamp / SECOND:.9f} s"
+        at = f"{printable(difference.topic, LONGEST_NAME)} at {difference.stamp / SECOND:.9f} s"
         if difference.computed is None:
             yield f"first difference: {at} is a message that the simulation does not give"
         else:
-            recorded, computed = printable(difference.recorded), printable(difference.computed)
+            recorded, computed = (
+                printable(each, LONGEST_NAME) for each in (difference.recorded, difference.computed)
+            )
             what = f"{difference.field or 'the message'} is {recorded}, computed {computed}"
             yield f"first difference: {at}: {what}"
     for name, each in topics:
         if each.tail:
-            yield f"{name}: {each.tail} messages are missing at the end, while the drill went on"
+            shown = printable(name, LONGEST_NAME)
+            yield f"{shown}: {each.tail} messages are missing at the end, while the drill went on"
     equal = f"{total.equal} messages are equal bit for bit"
     if found.proved:
         since = cell(found.begins and found.begins / SECOND, ".9f", "")
@@ -270,7 +281,7 @@ def _report(options: Any) -> int:
 def _complain_of_parts(program: str, written: Any) -> None:
     """Name what an export or a report leaves out."""
     for name, reason in (*written.left_out.items(), *written.damaged.items()):
-        complain(program, f"left out {name}: {reason}")
+        complain(program, f"left out {printable(name, LONGEST_NAME)}: {reason}")
 
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
@@ -323,7 +334,8 @@ def _compare(options: Any) -> int:
         complain("rpud compare", warning)
     for name, parts in found.damaged.items():
         for part, reason in parts.items():
-            complain("rpud compare", f"{name}: left out {part}: {reason}")
+            shown = printable(part, LONGEST_NAME)
+            complain("rpud compare", f"{name}: left out {shown}: {reason}")
     if options.out:
         write_page(found, options.out)
     print_result(

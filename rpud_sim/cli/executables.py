@@ -59,14 +59,16 @@ def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     "replay",
     "bags/first --rate 0.5",
     "publish a bag's messages with their types, QoS and timing",
+    "Exit codes: 0 done, 3 done but for messages that are no plain CDR, 1 failed, 2 wrong call.",
     shared=ReplayOptions,
 )
 def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
     from rpud_sim.ros.replay import replayer
 
     bar = partial(progress_bar, "s", delay=0.0, layout=_REPLAY_BAR)
-    print(replayer.replay(options, ros_arguments, bar), flush=True)
-    return ExitCode.DONE
+    result = replayer.replay(options, ros_arguments, bar)
+    print(result.summary, flush=True)
+    return ExitCode.DONE if result.complete else ExitCode.INCOMPLETE
 
 
 # Not a command of ``rpud``, which does not list it.

@@ -8,12 +8,13 @@ import json
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, NoReturn
 
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError
+from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning, ParameterError
 from rpud_sim.foundation.terminal import complain
 
 # Environment variable: where it is set, an unexpected error shows its traceback.
@@ -65,14 +66,33 @@ def failing(kind: type[Exception]) -> Iterator[None]:
 
 def report_errors(program: str, run: Callable[[], int]) -> int:
     """Run a command and return its exit code; print an expected error as one line."""
-    try:
-        return run()
-    except ParameterError as error:
-        complain(program, error)
-        return ExitCode.USAGE
-    except ExpectedError as error:
-        complain(program, error)
-        return error.code
+    with _expected_warnings(program):
+        try:
+            return run()
+        except ParameterError as error:
+            complain(program, error)
+            return ExitCode.USAGE
+        except ExpectedError as error:
+            complain(program, error)
+            return error.code
+
+
+@contextmanager
+def _expected_warnings(program: str) -> Iterator[None]:
+    """Print each expected warning as one line, once."""
+    said: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, ExpectedWarning):
+            usual(message, category, *where, **more)
+        elif (text := str(message)) not in said:
+            said.add(text)
+            complain(program, text)
+
+    with warnings.catch_warnings():
+        usual, warnings.showwarning = warnings.showwarning, show
+        warnings.simplefilter("always", ExpectedWarning)
+        yield
 
 
 def run_program(program: str, run: Callable[[], Any]) -> NoReturn:

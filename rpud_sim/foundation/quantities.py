@@ -26,10 +26,17 @@ class ParameterError(ValueError):
     """Unusable parameter; the text names parameter, value, unit and allowed range."""
 
 
+_MOST_LISTED = 30  # names in a message
+
+
 class ExpectedError(Exception):
     """Failure that ends a command with its text as one line."""
 
     code = 1  # that the command then exits with; 2 for a wrong call
+
+
+class ExpectedWarning(UserWarning):
+    """What a user should know of a result that is whole, as one line."""
 
 
 def shown(value: Any) -> str:
@@ -44,6 +51,13 @@ def shown_name(name: Any) -> str:
     """Return a user's name as short text on one line, in quotes unless it is a plain name."""
     plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
     return name if plain else shown(name)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names in one line, with at most 30 of them and 80 characters of each."""
+    found = sorted(names)
+    more = f" and {len(found) - _MOST_LISTED} more" if len(found) > _MOST_LISTED else ""
+    return ", ".join(f"{name:.80}" for name in found[:_MOST_LISTED]) + more or "none"
 
 
 def suggestion(name: Any, known: Iterable[str]) -> str:

@@ -14,10 +14,21 @@ _STEERING = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u206
 
 _USUAL_WIDTH = 80
 
+# Greatest lengths of what is printed: a file from outside may have names of any length.
+LONGEST_NAME = 200
+LONGEST_LINE = 1000
 
-def printable(text: object) -> str:
-    r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey."""
-    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
+
+def printable(text: object, longest: int | None = None) -> str:
+    r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey.
+
+    A text of more than ``longest`` characters has ``...`` in place of its middle.
+    """
+    shown = _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
+    if longest is None or len(shown) <= longest:
+        return shown
+    kept = (longest - 3) // 2
+    return f"{shown[:kept]}...{shown[-kept:]}"
 
 
 def columns(stream: TextIO) -> int:
@@ -31,7 +42,7 @@ def columns(stream: TextIO) -> int:
 def complain(program: str, reason: object) -> None:
     """Print an error on standard error, as one line; the exit code tells it where nobody reads."""
     with suppress(BrokenPipeError):
-        print(f"{program}: {printable(reason)}", file=sys.stderr)
+        print(f"{program}: {printable(reason, LONGEST_LINE)}", file=sys.stderr)
 
 
 def cell(value: Any, form: str = "", none: str = "-") -> str:
@@ -41,7 +52,7 @@ def cell(value: Any, form: str = "", none: str = "-") -> str:
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list[str]:
     """Return the lines of a table, aligned and printable, ``left`` columns to the left."""
-    cells = [[printable(cell(value)) for value in row] for row in (head, *rows)]
+    cells = [[printable(cell(value), LONGEST_NAME) for value in row] for row in (head, *rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     forms = ["<" if number < left else ">" for number in range(len(widths))]
     return ["  ".join(map("{:{}{}}".format, row, forms, widths)).rstrip() for row in cells]

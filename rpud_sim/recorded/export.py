@@ -74,6 +74,9 @@ def export(
                 f"--start = {start:g} s is not in the {held:g} s that the bag holds"
             )
         left_out = bag.left_out if topics is None else {}
+        if left_out and len(left_out) == len(bag.readable_topics):
+            name, reason = next(iter(left_out.items()))
+            raise RecordingError(f"nothing of {bag.path} can be exported: {name:.200}: {reason}")
         damages = Damages(bag)
         chosen = [
             summary

@@ -14,6 +14,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.foundation.quantities import listed
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.recorded import RecordingError
@@ -132,7 +133,7 @@ def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
     names = [name for name in held if wanted is None or name in wanted]
     if len(names) > 1:
         raise RecordingError(
-            f"{bag.path} holds several trajectories: choose one by --topics of {', '.join(names)}"
+            f"{bag.path} holds several trajectories: choose one by --topics of {listed(names)}"
         )
     if not names:
         what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"

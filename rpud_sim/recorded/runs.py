@@ -15,7 +15,7 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
@@ -177,7 +177,7 @@ def runs_of(
     ``topic`` chooses one of several journals. An UnverifiableError says why runs cannot be told.
     """
     found = held_journals(bag)
-    names = ", ".join(found)
+    names = listed(found)
     if topic is None and len(found) > 1:
         raise RecordingError(f"{bag.path} holds several journals: choose with --topic of {names}")
     if topic is not None and topic not in found:
@@ -244,7 +244,7 @@ def _choose(bag: BagReader, wanted: str | None) -> str:
     found = sorted(spaces)
     if not found:
         raise RecordingError(f"{bag.path} holds no topic of a drill")
-    names = ", ".join(f"{name:.80}" or "/" for name in found)
+    names = listed(name or "/" for name in found)
     if wanted is None:
         if len(found) > 1:
             raise RecordingError(f"{bag.path} holds several drills: choose --namespace of {names}")

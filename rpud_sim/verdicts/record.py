@@ -13,7 +13,7 @@ from rpud_sim.bag import Column, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
@@ -245,5 +245,5 @@ def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
         each.topic.name.rpartition("/")[0] for each in topics if each.topic.type == _STATUS_TYPE
     )
     if len(found) > 1:
-        raise ExpectationError(f"the bag holds several drills, {', '.join(found)}: name one")
+        raise ExpectationError(f"the bag holds several drills, {listed(found)}: name one")
     return found[0] if found else NAMESPACE

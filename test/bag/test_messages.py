@@ -1,7 +1,6 @@
 """Messages by the block and one by one: those that were written, in the order of log times."""
 
 import contextlib
-import struct
 import tracemalloc
 
 import pytest
@@ -39,17 +38,6 @@ def one_by_one(bag, **chosen):
     except BagError as caught:
         error = str(caught)
     return found, error
-
-
-def test_a_message_earlier_than_its_chunk_says_is_refused(tmp_path):
-    path = write_mcap(tmp_path / "bag.mcap", [("/a", 5, b""), ("/a", 9, b"")], enable_crcs=False)
-    content = path.read_bytes()
-    place = content.rindex(struct.pack("<QQ", 5, 9))  # in the index of the chunk
-    path.write_bytes(content[:place] + struct.pack("<Q", 6) + content[place + 8 :])
-    with rpud_sim.bag.open(path) as bag:
-        for read in (bag.messages, bag.batches):
-            with pytest.raises(BagFormatError, match=r"bag\.mcap: .* earlier than its chunk says"):
-                list(read())
 
 
 def by_batch(bag, **chosen):

@@ -74,7 +74,7 @@ def test_every_field_of_version_9_is_there():
 
 
 def test_round_trip():
-    read = ReadMetadata("mcap", ("bag_0.mcap",), "")
+    read = ReadMetadata("mcap", ("bag_0.mcap",), "", {"bag_0.mcap": 7})
     assert metadata_from_document(dump_document(METADATA)) == read
     same = dump_document(metadata_of(FILES, {TALK: 0, CHAT: 0}))
     assert not {"&", "*"} & {*same}  # no aliases
@@ -90,7 +90,7 @@ rosbag2_bagfile_information:
   - message_count: 10
     topic_metadata: {name: /topic, offered_qos_profiles: "- history: 3\\n  depth: 0"}
 """
-    assert metadata_from_document(document) == ReadMetadata("mcap", ("talker.mcap",), "")
+    assert metadata_from_document(document) == ReadMetadata("mcap", ("talker.mcap",), "", {})
 
 
 durations = st.one_of(st.just(INFINITE), st.integers(0, 10**18))

@@ -1,9 +1,16 @@
 """MCAP bags of ``ros2 bag record`` are read; for others one line names what converts them."""
 
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
 from rosbags.interfaces import QosTime as Span
+from rosbags.rosbag1 import Writer as BagOfRos1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 from sample_bags import START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 
 import rpud_sim.bag
@@ -78,19 +85,54 @@ def test_mcap_is_read_with_its_offers_and_recovered(tmp_path, mode, compression)
         (StoragePlugin.MCAP, CompressionMode.MESSAGE),
     ],
 )
-def test_other_storages_are_one_line_that_names_what_converts_them(tmp_path, storage, mode):
+def test_the_line_of_another_storage_names_what_makes_a_bag_of_it(tmp_path, storage, mode):
     path = write(tmp_path / "run", storage, mode)
-    places = [path]
-    if mode is not CompressionMode.MESSAGE:  # of which only the metadata says so
-        places += path.glob("run*")
-    for place in places:
-        for read in (rpud_sim.bag.open, lambda place: recover(place, tmp_path / "out")):
-            with pytest.raises(BagFormatError, match="ros2 bag convert -i BAG -o") as caught:
-                read(place)
-            assert "\n" not in str(caught.value)
-            assert str(place) in str(caught.value)
-    if len(places) > 1:
-        (path / "metadata.yaml").unlink()
-        with pytest.raises(BagFormatError, match="ros2 bag convert"):
-            rpud_sim.bag.open(path)
+    for read in (rpud_sim.bag.open, lambda place: recover(place, tmp_path / "out")):
+        with pytest.raises(BagFormatError, match="rosbags-convert") as caught:
+            read(path)
+    convert(str(caught.value), tmp_path / "new")
+    with rpud_sim.bag.open(tmp_path / "new") as bag:
+        assert bag.message_count == 10
     assert not (tmp_path / "out").exists()
+
+
+def convert(line, out):
+    """Carry out the remedy that a line names."""
+    words = shlex.split(line[line.index("rosbags-convert") :].partition(" (")[0])
+    words[words.index("NEW")] = str(out)
+    subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], check=True)
+
+
+def test_of_a_bag_of_ros_1_the_line_names_what_converts_it(tmp_path):
+    types = get_typestore(Stores.ROS1_NOETIC)
+    with BagOfRos1(tmp_path / "run.bag") as writer:
+        connection = writer.add_connection("/a", STRING, typestore=types)
+        message = types.types[STRING](data="hi")
+        writer.write(connection, START, types.serialize_ros1(message, STRING))
+    with pytest.raises(BagFormatError, match="is a bag of ROS 1") as caught:
+        rpud_sim.bag.open(tmp_path / "run.bag")
+    convert(str(caught.value), tmp_path / "new")
+    with rpud_sim.bag.open(tmp_path / "new") as bag:
+        assert bag.arrays("/a")["data"].tolist() == ["hi"]
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "remedy"),
+    [
+        ("run.zip", b"PK\x03\x04", "unzip {}"),
+        ("run.tar", bytes(257) + b"ustar", "tar xf {}"),
+        ("run.tar.gz", b"\x1f\x8b", "tar xzf {} or gunzip {}"),
+        ("run.mcap.zstd", b"\x28\xb5\x2f\xfd", "zstd -d {}"),
+        ("run.db3", b"SQLite format 3\0", "ros2 bag reindex -s sqlite3 {folder}"),
+    ],
+)
+def test_an_archive_is_one_line_that_names_what_unpacks_it(tmp_path, name, start, remedy):
+    path = tmp_path / "a bag" / name
+    path.parent.mkdir()
+    path.write_bytes(start + bytes(600))
+    for place in (path, path.parent):
+        for read in (rpud_sim.bag.open, lambda place: recover(place, tmp_path / "out")):
+            with pytest.raises(BagFormatError) as caught:
+                read(place)
+            quoted, folder = f"'{path}'", f"'{path.parent}'"
+            assert remedy.format(quoted, quoted, folder=folder) in str(caught.value)

@@ -3,18 +3,24 @@
 import functools
 import io
 import os
+import struct
 import tracemalloc
+import zlib
 
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from raw_mcap import record, text
 from rosbags.highlevel import AnyReader
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK, write_bag
 from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagNotFoundError, BagWriter
+from rpud_sim.bag.records import MAGIC
 from rpud_sim.bag.recovery import recover
 
 COUNT = 60
@@ -171,3 +177,57 @@ def test_memory_stays_bounded(tmp_path):
     tracemalloc.stop()
     assert recovery.message_count > 19_000
     assert peak < 8_000_000
+
+
+def packed_chunk(data):
+    """Return a chunk of these records, compressed, with its checksum."""
+    stored = zstandard.compress(data)
+    head = struct.pack("<QQQI", 0, 9, len(data), zlib.crc32(data)) + text("zstd")
+    return record(Opcode.CHUNK, head + struct.pack("<Q", len(stored)) + stored)
+
+
+def test_each_declaration_of_a_chunk_is_parsed_once(tmp_path, monkeypatch):
+    parsed = []
+    original = rpud_sim.bag.recovery.parse
+    monkeypatch.setattr(
+        "rpud_sim.bag.recovery.parse", lambda *of, **how: parsed.append(of) or original(*of, **how)
+    )
+    schema = record(Opcode.SCHEMA, struct.pack("<H", 1) + text("a") + text("ros2msg") + text("x"))
+    (tmp_path / "torn.mcap").write_bytes(MAGIC + packed_chunk(20_000 * schema))
+    recover(tmp_path / "torn.mcap", tmp_path / "out")
+    assert len(parsed) < 10
+
+
+def test_records_without_number_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.records.RECORDS_LIMIT", 1000)
+    (tmp_path / "torn.mcap").write_bytes(MAGIC + packed_chunk(1001 * record(0x90, b"")))
+    recovery = recover(tmp_path / "torn.mcap", tmp_path / "out")
+    assert "is a lost chunk: a chunk has more than 1000 records" in recovery.damages[0]
+
+
+def test_a_search_takes_time_in_proportion_to_the_file(tmp_path, monkeypatch):
+    """Each chunk is in a frame that zstd skips, in front of the same megabyte of zeros."""
+    tried = []
+    original = rpud_sim.bag.recovery.uncompressed
+    monkeypatch.setattr(
+        "rpud_sim.bag.recovery.uncompressed", lambda chunk: tried.append(chunk) or original(chunk)
+    )
+    monkeypatch.setattr("rpud_sim.bag.recovery._EFFORT", 2**22)
+    content = zstandard.compress(bytes(2**20))
+    for _ in range(100):
+        head = struct.pack("<QQQI", 0, 9, 2**20, 7) + text("zstd")
+        chunk = record(Opcode.CHUNK, head + struct.pack("<Q", len(content)) + content)
+        frame = b"\x50\x2a\x4d\x18" + struct.pack("<I", len(chunk) - len(content))
+        content = frame + chunk
+    (tmp_path / "torn.mcap").write_bytes(MAGIC + content)
+    recovery = recover(tmp_path / "torn.mcap", tmp_path / "out")
+    assert recovery.size_lost == len(content)
+    assert len(tried) < 10
+
+
+def test_too_many_declarations_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.records.DECLARATIONS_LIMIT", 10)
+    schema = record(Opcode.SCHEMA, struct.pack("<H", 1) + text("a") + text("ros2msg") + text("x"))
+    (tmp_path / "torn.mcap").write_bytes(MAGIC + packed_chunk(11 * schema))
+    recovery = recover(tmp_path / "torn.mcap", tmp_path / "out")
+    assert "is a lost chunk: a chunk has more than 10 declarations" in recovery.damages[0]

@@ -1,10 +1,11 @@
 """`rpud info`, `recover`, `verify` and `fork` from the shell: what they print, and exit codes."""
 
 import json
+import shutil
 
 import pytest
 from altered_bags import altered
-from sample_bags import CHAT, START, STRING, TALK, write_bag
+from sample_bags import CHAT, START, STRING, TALK, write_bag, write_mcap
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
@@ -163,3 +164,24 @@ def test_what_a_fork_refuses_is_one_line_each(drill_bag, tmp_path, rpud):
     code, _, err = rpud("fork", drill_bag, "--at", "0.1", *words)
     assert code == 0
     assert err.startswith(f"rpud fork: refused at 0.11 s: {tmp_path / 'file.yaml'}:1: hard_rock")
+
+
+def test_a_warning_of_a_bag_is_one_line_and_no_failure(tmp_path, rpud):
+    file = write_mcap(tmp_path / "a.mcap", [("/a", 5, b"")], use_statistics=False)
+    code, out, err = rpud("info", file)
+    assert code == 0
+    assert "messages  1" in out
+    assert err == (
+        f"rpud info: {file}: its summary section has no statistics, so the whole file was read "
+        "to open it\n"
+    )
+
+
+def test_recover_names_a_missing_file_and_exits_with_3(tmp_path, rpud):
+    path = write_bag(tmp_path / "run")
+    (path / "run_0.mcap").rename(path / "run_1.mcap")
+    shutil.copy(path / "run_1.mcap", path / "run_2.mcap")
+    code, out, _ = rpud("recover", path, "--out", tmp_path / "out")
+    assert code == 3
+    assert "lost: run_0.mcap, which metadata.yaml lists with 10 messages, is missing" in out
+    assert "nothing is lost" not in out

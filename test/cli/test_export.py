@@ -54,6 +54,15 @@ def test_json_is_one_object_and_names_what_is_left_out(tmp_path, rpud, words):
     assert account.items() >= content.items()
 
 
+def test_an_export_of_nothing_fails_with_the_reason(tmp_path, rpud):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
+    code, _, err = rpud("export", tmp_path / "bag", "--out", tmp_path / "out")
+    assert code == 1
+    assert "bag can be exported: /untold: the bag does not hold the definition" in err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("words", WRITING)
 def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, words):
     path = write_damaged(tmp_path / "bag")

@@ -6,6 +6,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from drill_client import Client, nanoseconds
+from raw_mcap import RawMcap
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -129,6 +130,20 @@ def test_topics_are_renamed_and_left_out(process, bag, audience):
     assert audience.numbers == []
     # The rules are the command's own, and no old form of ROS arguments.
     assert "deprecated" not in process.output
+
+
+def test_all_messages_are_replayed_whatever_the_statistics_say(process, audience, tmp_path):
+    """Also those that no subscriber could read are counted, and the exit code says so."""
+    messages = [
+        (REPLAYED, number * STEP, serialized_string(str(number)) if number % 2 else b"\0\7\0\0")
+        for number in range(8)
+    ]
+    wrong = {"message_start_time": 2 * STEP, "message_end_time": 5 * STEP}
+    (tmp_path / "a.mcap").write_bytes(RawMcap([*messages], statistics=wrong).content())
+    process = process("replayer", tmp_path / "a.mcap", "--wait-for-subscribers")
+    assert process.wait() == 3
+    process.wait_for_line("replayed 4 messages .*, 4 messages left out")
+    audience.until(lambda: audience.numbers == [1, 3, 5, 7])
 
 
 def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):

@@ -85,8 +85,11 @@ class PlaybackError(Exception):
 class Outputs(Protocol):
     """Publishers of a replay."""
 
-    def publish(self, message: Message, *, hurried: bool) -> None:
-        """Publish a message of the bag; ``hurried`` waits for subscribers that are behind."""
+    def publish(self, message: Message, *, hurried: bool) -> bool:
+        """Publish a message of the bag, and return whether it can be published.
+
+        ``hurried`` waits for subscribers that are behind.
+        """
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish a time [ns] on ``/clock``."""
@@ -95,8 +98,8 @@ class Outputs(Protocol):
 class Playback:
     """Publishes messages at times that can be paused, stepped, sped up and moved.
 
-    ``read`` opens the messages from a time of the bag [ns] on; ``span`` has the first and last
-    time. One thread plays, by ``run``; others reach it by ``do``.
+    ``read`` opens the messages from a time of the bag [ns] on, up to the last to be played;
+    ``span`` has the first and last time. One thread plays, by ``run``; others reach it by ``do``.
     """
 
     def __init__(
@@ -269,8 +272,7 @@ class Playback:
 
     def _publish(self, *, hurried: bool) -> None:
         assert self._next is not None
-        self._outputs.publish(self._next, hurried=hurried)
-        self.published += 1
+        self.published += self._outputs.publish(self._next, hurried=hurried)
         self._take()
 
     def _take(self) -> None:
@@ -278,9 +280,6 @@ class Playback:
         assert self._messages is not None
         self._next = None
         try:
-            message = next(self._messages, None)
+            self._next = next(self._messages, None)
         except Exception as error:  # it ends the replay, not only the request that led here
             self._failure = error
-            return
-        if message is not None and message.log_time <= self._last:
-            self._next = message

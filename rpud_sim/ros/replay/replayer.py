@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
@@ -21,12 +22,12 @@ from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.cdr import Codec, foreign_encoding
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
-from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed, suggestion
+from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import UnknownTypeError, filled, message_class
@@ -71,6 +72,7 @@ class Replayer(Node):
             start_parameter_services=False,
         )
         self.failures = 0  # requests that raised an error
+        self.refused = Counter[str]()  # messages that are no plain CDR, by topic
         self.topics = AcknowledgedPublishers(_LONGEST_WAIT)  # by the topic's name in the bag
         self._types: dict[str, str] = {}  # by the names that they are published with
         if with_clock:
@@ -84,7 +86,7 @@ class Replayer(Node):
             try:
                 self._add(summary)
             except UnknownTypeError as error:
-                self.get_logger().warning(printable(f"not replayed: {name}: {error}"))
+                self.warn(f"not replayed: {printable(name, LONGEST_NAME)}: {error}")
 
     def _add(self, summary: TopicSummary) -> None:
         topic = summary.topic
@@ -114,14 +116,28 @@ class Replayer(Node):
         if converted is not None:
             added.send = lambda data: publisher.publish(converted(data))
 
+    def warn(self, text: str) -> None:
+        """Log a warning as one line, whatever names it has."""
+        self.get_logger().warning(printable(text, LONGEST_LINE))
+
     def count_failure(self, reason: str) -> None:
         """Count a request that raised an error, and log why, once a second at most."""
         self.failures += 1
         self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
-    def publish(self, message: Message, *, hurried: bool) -> None:
-        """Publish a message as it was serialized; see ``AcknowledgedPublishers.send``."""
+    def publish(self, message: Message, *, hurried: bool) -> bool:
+        """Publish a message as it was serialized; see ``AcknowledgedPublishers.send``.
+
+        One that is no plain CDR is left out and counted: a subscriber would fail to read it.
+        """
+        if reason := foreign_encoding(message.data):
+            if message.topic not in self.refused:
+                name = printable(message.topic, LONGEST_NAME)
+                self.warn(f"messages of {name} are left out: {reason}")
+            self.refused[message.topic] += 1
+            return False
         self.topics.send(message.topic, message.data, hurried=hurried)
+        return True
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on ``/clock``."""
@@ -248,8 +264,15 @@ class ReplayError(ExpectedError, RuntimeError):
     """Bag of which no topic can be replayed; the message is one line."""
 
 
-def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeBar) -> str:
-    """Replay to the end of the bag or until a signal stops it, and return a summary."""
+class Replayed(NamedTuple):
+    """Result of a replay."""
+
+    summary: str  # in one line
+    complete: bool  # whether all messages of its topics could be published
+
+
+def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeBar) -> Replayed:
+    """Replay to the end of the bag or until a signal stops it."""
     with StopRequest(options.with_parent) as stop, rpud_sim.bag.open(options.bag) as bag:
         topics = _chosen_topics(bag, options)
         with running_ros(ros_arguments):
@@ -272,9 +295,9 @@ def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]
     for option, names in named.items():
         for name in names:
             if name not in held:
-                has = ", ".join(held) or "no topics"
+                has = listed(held)
                 hint = suggestion(name, held)
-                raise OptionError(f"{option} names {name}{hint}; {bag.path} has {has}")
+                raise OptionError(f"{option} names {name:.200}{hint}; {bag.path} has {has}")
     return [
         summary
         for summary in bag.topics
@@ -290,12 +313,12 @@ def _replay(
     options: ReplayOptions,
     stop: StopRequest,
     make_bar: MakeBar,
-) -> str:
+) -> Replayed:
     node = Replayer(topics, with_clock=options.clock is not None, remappings=options.remap)
     if not node.topics:
         if topics:
             raise ReplayError(f"nothing of {bag.path} can be replayed here")
-        return f"{printable(bag.path)} has no messages to replay"
+        return Replayed(f"{printable(bag.path)} has no messages to replay", complete=True)
     node.get_logger().info(
         f"replaying {printable(bag.path)}: {len(node.topics)} topics, "
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
@@ -307,7 +330,9 @@ def _replay(
         last = min(last, first + round(options.duration * SECOND))
 
     def read(position: int) -> Messages:
-        return read_ahead(bag.messages(list(node.topics), position - bag.start_time))
+        # A whole replay has all messages, whatever times the bag's statistics say.
+        duration = None if options.duration is None else last - position + 1
+        return read_ahead(bag.messages(list(node.topics), position - bag.start_time, duration))
 
     playback = Playback(read, (first, last), options, node, interrupted=lambda: stop.requested)
     offer_services(node, playback)
@@ -327,17 +352,19 @@ def _replay(
         playing.result()
         if not stop.requested:
             for name in node.topics.wait(_ACKNOWLEDGEMENT_TIME):
-                node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
+                node.warn(f"a subscriber of {name} has not confirmed all messages")
             # Best-effort messages have no acknowledgement, and may still be on their way; whoever
             # asks now learns that the replay has ended.
             settled_at = time.monotonic() + _SETTLING_TIME
             while time.monotonic() < settled_at and not stop.requested:
                 serve(executor, node.count_failure)
     executor.shutdown()
+    refused = f", {node.refused.total()} messages left out" if node.refused else ""
     failures = f", {node.failures} requests failed" if node.failures else ""
-    return (
+    return Replayed(
         f"replayed {playback.published} messages in {time.monotonic() - began:.1f} s, "
-        f"{playback.lateness}{failures}"
+        f"{playback.lateness}{refused}{failures}",
+        complete=not node.refused,
     )
 
 
@@ -358,7 +385,8 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
             if not patient:
                 break
             if not logged:
-                node.get_logger().info(f"waiting for subscribers of {', '.join(unsubscribed)}")
+                names = listed(unsubscribed)
+                node.get_logger().info(printable(f"waiting for subscribers of {names}"))
                 logged = True
         if stop.wait(_POLL_PERIOD):
             return

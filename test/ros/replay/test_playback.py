@@ -34,14 +34,14 @@ class Stage:
         self.takes = takes  # time that publishing takes [ns]
         self.bag = [Message("/a", START + offset, START, b"") for offset in sorted(offsets)]
         self.opened = []
-        end = self.bag[-1].log_time if self.bag else START
+        self.last = last or (self.bag[-1].log_time if self.bag else START)
         self.playback = Playback(
-            self.read, (first, last or end), replay_options(**options), self, lambda: self.now
+            self.read, (first, self.last), replay_options(**options), self, lambda: self.now
         )
         self.playback.begin()
 
     def read(self, position):
-        self.opened.append(each for each in self.bag if each.log_time >= position)
+        self.opened.append(each for each in self.bag if position <= each.log_time <= self.last)
         return self.opened[-1]
 
     def publish(self, message, *, hurried):
@@ -49,6 +49,7 @@ class Stage:
         self.sent.append((message.log_time - START, self.now - NOW))
         self.log.append((message.log_time - START, "message"))
         self.now += self.takes
+        return True
 
     def publish_clock(self, bag_time):
         self.ticks.append((bag_time - START, self.now - NOW))

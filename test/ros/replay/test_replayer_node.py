@@ -7,11 +7,11 @@ import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce
-from sample_bags import CHAT, TALK, write_bag
+from sample_bags import CHAT, TALK, serialized_string, write_bag
 from support import until
 
 import rpud_sim.bag
-from rpud_sim.bag import QosProfile
+from rpud_sim.bag import Message, QosProfile
 from rpud_sim.ros.replay.replayer import Replayer
 
 DATA = Path(__file__).parents[2] / "data"
@@ -112,3 +112,20 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
     subscriber.destroy_node()
     assert received[0].peak_force == expected > 0.0
     assert (received[0].energy_transferred == 0.0) == (release == "0.1.0")
+
+
+@pytest.mark.parametrize("data", [b"\x28\xb5\x2f\xfd....", b"\0\7\0\0....", b""])
+def test_what_is_no_cdr_is_not_published_but_counted(replay, summaries, capfd, data):
+    node = replay(summaries[TALK.name])
+    for _ in range(2):
+        assert not node.publish(Message(TALK.name, 5, 5, data), hurried=False)
+    assert node.refused == {TALK.name: 2}
+    said = capfd.readouterr().err
+    assert said.count(f"messages of {TALK.name} are left out: it") == 1
+    assert "not plain CDR" in said
+    assert node.publish(Message(TALK.name, 5, 5, serialized_string("hi")), hurried=False)
+
+
+def test_a_name_has_a_greatest_length_where_it_is_printed(replay, summaries, capfd):
+    replay(changed(summaries[TALK.name], name="/" + "x y" * 5000, type="a/msg/B"))
+    assert len(capfd.readouterr().err) < 600

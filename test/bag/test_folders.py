@@ -1,0 +1,105 @@
+"""Folders of bags as rosbag2 and people leave them are read, or one line says what to do."""
+
+import pytest
+from sample_bags import START, STRING_DEFINITION, TALK, rewrite, serialized_string, write_bag
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, BagFormatError, BagNotFoundError, BagWriter
+from rpud_sim.bag.errors import BagWarning
+from rpud_sim.bag.recovery import recover
+
+
+def replaced(old, new):
+    return lambda path: rewrite(path / "metadata.yaml", old, new)
+
+
+def beside_junk(path):
+    (path / "metadata.yaml").unlink()
+    (path / "._run_0.mcap").write_bytes(bytes(4096))
+
+
+CHANGES = {
+    "reindexed by Humble": replaced("storage_identifier: mcap", 'storage_identifier: ""'),
+    "folder before the name": replaced("run_0.mcap", "run/run_0.mcap"),
+    "another folder before the name": replaced("run_0.mcap", "/bags/old/run_0.mcap"),
+    "of Windows": replaced("run_0.mcap", "C:\\bags\\run\\run_0.mcap"),
+    "backslash": replaced("run_0.mcap", "run\\run_0.mcap"),
+    "no files listed": replaced(
+        "  relative_file_paths:\n  - run_0.mcap", "  relative_file_paths: []"
+    ),
+    "junk of macOS": beside_junk,
+    "capital suffix": lambda path: (
+        (path / "metadata.yaml").unlink() or (path / "run_0.mcap").rename(path / "RUN.MCAP")
+    ),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_folder_is_read_as_it_was_left(tmp_path, change):
+    path = write_bag(tmp_path / "run")
+    CHANGES[change](path)
+    with rpud_sim.bag.open(path) as bag:
+        assert len(list(bag.messages())) == 10
+    recovery = recover(path, tmp_path / "out")
+    assert (recovery.message_count, recovery.complete) == (10, True)
+
+
+def test_the_metadata_stands_for_its_folder(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "run")
+    monkeypatch.chdir(path)
+    for place in (path / "metadata.yaml", "metadata.yaml"):
+        with rpud_sim.bag.open(place) as bag:
+            assert len(list(bag.messages())) == 10
+    assert recover(path / "metadata.yaml", tmp_path / "out").message_count == 10
+
+
+def test_a_renamed_file_is_read_with_a_warning(tmp_path):
+    path = write_bag(tmp_path / "run")
+    (path / "run_0.mcap").rename(path / "monday.mcap")
+    said = r"lists run_0\.mcap, which does not exist; monday\.mcap is read in its place"
+    with pytest.warns(BagWarning, match=said), rpud_sim.bag.open(path) as bag:
+        assert len(list(bag.messages())) == 10
+    with pytest.warns(BagWarning, match=said):
+        assert recover(path, tmp_path / "out").complete
+
+
+def split_bag(path):
+    with BagWriter(path, max_file_duration=2, compression="none") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for number in range(6):
+            time = START + number * 1_000_000_000
+            bag.write_message(TALK.name, serialized_string("x"), time, time)
+    assert len(list(path.glob("*.mcap"))) == 3
+    return path
+
+
+def test_a_missing_file_is_named_and_lost(tmp_path):
+    path = split_bag(tmp_path / "run")
+    (path / "run_0.mcap").unlink()
+    missing = "run_0.mcap, which metadata.yaml lists with 2 messages, is missing"
+    with pytest.raises(BagNotFoundError, match=f"run: {missing}; rpud recover makes a bag of the"):
+        rpud_sim.bag.open(path)
+    recovery = recover(path, tmp_path / "out")
+    assert (recovery.message_count, recovery.complete) == (4, False)
+    assert recovery.damages == [f"lost: {missing}"]
+
+
+def test_a_folder_around_a_bag_names_it(tmp_path):
+    write_bag(tmp_path / "run")
+    with pytest.raises(BagNotFoundError, match=r"nor an MCAP file; did you mean .*run\?"):
+        rpud_sim.bag.open(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "x: 1", "rosbag2_bagfile_information: {}"])
+def test_broken_metadata_names_what_makes_a_bag_without_it(tmp_path, text):
+    path = write_bag(tmp_path / "run")
+    (path / "metadata.yaml").write_text(text)
+    with pytest.raises(BagFormatError, match=r"metadata\.yaml.*; rpud recover makes a whole bag"):
+        rpud_sim.bag.open(path)
+    assert recover(path, tmp_path / "out").message_count == 10
+
+
+def test_what_is_no_bag_is_one_line(tmp_path):
+    (tmp_path / "notes.mcap").write_text("some notes")
+    with pytest.raises(BagError, match=r"notes\.mcap is not an MCAP file"):
+        rpud_sim.bag.open(tmp_path / "notes.mcap")
