@@ -30,7 +30,7 @@ def evil_bag(tmp_path):
         bag.add_topic(Topic("/untold" + EVIL, "pkg/msg/Un\x1btold"))
         for number in range(3):
             time = START + number * SECOND
-            bag.write_message(EVIL, serialized_string(EVIL), time, time)
+            bag.write(EVIL, serialized_string(EVIL), time, time)
     return path
 
 
@@ -61,7 +61,7 @@ def test_a_name_has_a_greatest_length_wherever_it_is_printed(capsys, tmp_path, w
         bag.add_topic(Topic(long, "std_msgs/msg/String" + long), STRING_DEFINITION)
         bag.add_topic(Topic("/untold" + long, "pkg/msg/Untold" + long))
         bag.add_topic(Topic("/text", "std_msgs/msg/String"), STRING_DEFINITION)
-        bag.write_message(long, b"\0\7\0\0", START, START)
+        bag.write(long, b"\0\7\0\0", START, START)
     command, *out = words
     _, output, errors = called(
         capsys, command, tmp_path / "bag", *out, *[tmp_path / "o"] * len(out)

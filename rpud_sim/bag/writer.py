@@ -144,7 +144,7 @@ class BagWriter:
         self._channel_of[topic.name] = number
         return number
 
-    def write(
+    def write_batches(
         self, batches: Sequence[SerializedBatch], places: Sequence[np.ndarray] | None = None
     ) -> None:
         """Add the messages of batches.
@@ -171,7 +171,7 @@ class BagWriter:
         for _, batch, _ in found:
             self._counts[batch.topic] += len(batch)
 
-    def write_message(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
+    def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
         """Add one message, with times of receipt and sending [ns since the epoch]."""
         channel = self._channel(topic)
         if not (0 <= log_time <= LATEST and 0 <= publish_time <= LATEST):

@@ -98,7 +98,7 @@ class BatchWriter:
                 found.append(messages)
                 places.append(np.arange(len(batch)) if batch.places is None else batch.places)
                 self.count += len(batch)
-            self._bag.write(found, places)
+            self._bag.write_batches(found, places)
 
 
 def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> SerializedBatch:

@@ -142,6 +142,6 @@ def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> Non
         journal = f"{drill.namespace}/journal"  # it comes before what follows at its time
         entries.sort(key=lambda entry: (entry[0], entry[1] != journal))
         for stamp, name, payload in entries:
-            bag.write_message(name, payload, max(stamp, 0), max(stamp, 0))
+            bag.write(name, payload, max(stamp, 0), max(stamp, 0))
         losses = {name: Losses(transport=heard.lost) for name, heard in drill.heard.items()}
         bag.add_record(LOSSES_RECORD, losses_to_record(losses))

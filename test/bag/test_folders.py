@@ -68,7 +68,7 @@ def split_bag(path):
         bag.add_topic(TALK, STRING_DEFINITION)
         for number in range(6):
             time = START + number * 1_000_000_000
-            bag.write_message(TALK.name, serialized_string("x"), time, time)
+            bag.write(TALK.name, serialized_string("x"), time, time)
     assert len(list(path.glob("*.mcap"))) == 3
     return path
 

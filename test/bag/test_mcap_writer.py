@@ -87,10 +87,10 @@ def test_by_the_batch_a_bag_is_the_same_as_one_by_one(
                 bag.add_topic(Topic(f"/{number}", STRING), STRING_DEFINITION)
             for number, messages in enumerate(groups):
                 if kind == "batches" or (kind == "both" and number % 2):
-                    bag.write(*batches_of(messages))
+                    bag.write_batches(*batches_of(messages))
                     continue
                 for channel, log_time, publish_time, data in messages:
-                    bag.write_message(f"/{channel}", data, log_time, publish_time)
+                    bag.write(f"/{channel}", data, log_time, publish_time)
         assert bag.message_count == sum(map(len, groups))
         found.append({file.name: file.read_bytes() for file in path.iterdir()})
     assert found[0] == found[1] == found[2]
@@ -99,8 +99,8 @@ def test_by_the_batch_a_bag_is_the_same_as_one_by_one(
 def test_batches_of_unknown_topics_and_impossible_times_are_refused(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         with pytest.raises(BagError, match=r"topic /1 was not declared"):
-            bag.write(*batches_of([(1, START, START, b"")]))
+            bag.write_batches(*batches_of([(1, START, START, b"")]))
         bag.add_topic(Topic("/1", STRING), STRING_DEFINITION)
         with pytest.raises(BagError, match=r"publish_time -1 ns; both must be from 0"):
-            bag.write(*batches_of([(1, START, START, b""), (1, START, -1, b"")]))
+            bag.write_batches(*batches_of([(1, START, START, b""), (1, START, -1, b"")]))
         assert bag.message_count == 0

@@ -181,7 +181,7 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path, read, most):
     with BagWriter(tmp_path / "run", compression="none", chunk_size=100_000) as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         for number in range(20_000):
-            bag.write_message(TALK.name, bytes(1000), START + number, START)
+            bag.write(TALK.name, bytes(1000), START + number, START)
     tracemalloc.start()
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         assert read(bag) == 20_000

@@ -165,7 +165,7 @@ def test_memory_stays_bounded(tmp_path):
     with BagWriter(tmp_path / "run", compression="none", chunk_size=100_000) as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         for number in range(20_000):
-            bag.write_message(TALK.name, bytes(1000), START + number, START)
+            bag.write(TALK.name, bytes(1000), START + number, START)
     file = tmp_path / "run" / "run_0.mcap"
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1

@@ -57,7 +57,7 @@ def test_the_recorder_s_records_are_kept_and_shown(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
         bag.add_topic(TALK, STRING_DEFINITION)
-        bag.write_message(TALK.name, serialized_string("kept"), START, START)
+        bag.write(TALK.name, serialized_string("kept"), START, START)
         bag.add_record(LOSSES_RECORD, losses_to_record({TALK.name: Losses(3, 1)}))
     file = tmp_path / "run" / "run_0.mcap"
     file.write_bytes(file.read_bytes()[:-9])

@@ -20,7 +20,7 @@ def write(path, count=100, **options):
         for number in range(count):
             time = START + number * SECOND // 100
             text = f"{number:04} " + "x" * 200
-            bag.write_message(TALK.name, serialized_string(text), time, time - 5)
+            bag.write(TALK.name, serialized_string(text), time, time - 5)
     return path
 
 

@@ -87,7 +87,7 @@ def test_an_error_inside_leaves_a_complete_bag(tmp_path):
     def fail():
         with BagWriter(tmp_path / "run") as bag:
             bag.add_topic(TALK, STRING_DEFINITION)
-            bag.write_message(TALK.name, serialized_string("kept"), START, START)
+            bag.write(TALK.name, serialized_string("kept"), START, START)
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
@@ -112,13 +112,13 @@ def test_misuse_is_named(tmp_path):
     assert not (tmp_path / "run").exists()
     with BagWriter(tmp_path / "run") as bag:
         with pytest.raises(BagError, match=r"/rpud/talk was not declared"):
-            bag.write_message(TALK.name, b"", START, START)
+            bag.write(TALK.name, b"", START, START)
         bag.add_topic(TALK, STRING_DEFINITION)
         with pytest.raises(BagError, match=r"declared twice"):
             bag.add_topic(TALK, STRING_DEFINITION)
         for time in (-1, 2**63):
             with pytest.raises(BagError, match=f"log_time {time} ns"):
-                bag.write_message(TALK.name, b"", time, START)
+                bag.write(TALK.name, b"", time, START)
 
 
 @pytest.fixture
@@ -135,9 +135,9 @@ def test_a_full_disk_is_one_clear_error(tmp_path, small_disk):
     bag = BagWriter(tmp_path / "run", compression="none")
     bag.add_topic(TALK, STRING_DEFINITION)
     for _ in range(6):
-        bag.write_message(TALK.name, bytes(10_000), START, START)
+        bag.write(TALK.name, bytes(10_000), START, START)
         bag.flush()
-    bag.write_message(TALK.name, bytes(10_000), START, START)
+    bag.write(TALK.name, bytes(10_000), START, START)
     with pytest.raises(BagError, match=r"cannot write the bag .*run: File too large"):
         bag.flush()
     bag.close()
@@ -155,5 +155,5 @@ def test_an_interruption_at_any_step_leaves_nothing_of_a_whole_bag(tmp_path, mon
     monkeypatch.setattr(f"rpud_sim.bag.writer.{step}", interrupt)
     with pytest.raises(KeyboardInterrupt), whole_bag(tmp_path / "run") as bag:  # noqa: PT012
         bag.add_topic(TALK, STRING_DEFINITION)
-        bag.write_message(TALK.name, serialized_string("one"), START, START)
+        bag.write(TALK.name, serialized_string("one"), START, START)
     assert os.listdir(tmp_path) == []

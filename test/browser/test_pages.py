@@ -62,7 +62,7 @@ def hostile(folder):
         for name in (HOSTILE, "/rpud/\u202eevil", TALK.name):
             bag.add_topic(Topic(name, TALK.type, TALK.type_hash), STRING_DEFINITION)
             for number in range(5):
-                bag.write_message(name, serialized_string(HOSTILE), number, number)
+                bag.write(name, serialized_string(HOSTILE), number, number)
     return "report", folder / "bag", "--out", folder / "out.html"
 
 

@@ -31,7 +31,7 @@ def copied(writer, source, change=unchanged, topics=None, shift=0, namespace="/r
             name = message.topic.replace("/rpud", namespace)
             for data in change(message):
                 received = message.log_time + shift + delay
-                writer.write_message(name, data, received, message.publish_time + shift)
+                writer.write(name, data, received, message.publish_time + shift)
 
 
 def altered(source, out, change, topics=None):

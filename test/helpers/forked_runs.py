@@ -143,7 +143,7 @@ def write_used(path, values, lost=lambda number: False):
             published.append((run, time, f"/rpud/{name}", digest(data)))
             if name == "journal" or not lost(next(numbers)):
                 log_time = START + run * SECOND + time
-                bag.write_message(f"/rpud/{name}", data, log_time + 5000, log_time)
+                bag.write(f"/rpud/{name}", data, log_time + 5000, log_time)
     return published
 
 

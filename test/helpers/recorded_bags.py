@@ -42,7 +42,7 @@ class ForceRecorder:
         self._declare(topic, FORCE)
         for log_time, stamp, value in rows:
             data = self._codec.encode({"header": header(stamp), "force": value, "impacts": 0})
-            self._bag.write_message(topic, data, log_time, log_time)
+            self._bag.write(topic, data, log_time, log_time)
         self._bag.flush()
 
     def tell(self, published, kind, stamp, time, **content) -> None:
@@ -53,7 +53,7 @@ class ForceRecorder:
         top = header(stamp, TOPICS["journal"].frame)
         fields = {"header": top, "sequence": number - 1, "kind": kind, "content": text}
         data = Codec(JOURNAL, find_definition(JOURNAL)).encode(fields)
-        self._bag.write_message("/rpud/journal", data, log_time, published)
+        self._bag.write("/rpud/journal", data, log_time, published)
 
     def _declare(self, topic, kind) -> None:
         if topic not in self._topics:
@@ -89,7 +89,7 @@ def rewritten(source: Path, out: Path, chunk_size=1 << 20, topics=None, copies=(
                 writer.add_topic(replace(summary.topic, name=copy), summary.definition)
         for message in reader.messages({each.topic.name for each in kept}):
             for name in filter(None, (message.topic, dict(copies).get(message.topic))):
-                writer.write_message(name, message.data, message.log_time, message.publish_time)
+                writer.write(name, message.data, message.log_time, message.publish_time)
     return out
 
 

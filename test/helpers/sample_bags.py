@@ -70,7 +70,7 @@ def write_bag(
         bag.add_topic(CHAT, STRING_DEFINITION)
         for number in range(count):
             time = START + number * 1_000_000
-            bag.write_message(TALK.name, serialized_string(f"message {number}"), time, time - 1000)
+            bag.write(TALK.name, serialized_string(f"message {number}"), time, time - 1000)
     return path
 
 
@@ -196,7 +196,7 @@ def write_everything(path: Path, count: int = 3) -> Path:
         for number in range(count):
             fields = {**MESSAGE, "small": number - 3}
             data = serialized("pkg/msg/Everything", EVERYTHING, fields)
-            bag.write_message("/all", data, START + number * SECOND, START)
+            bag.write("/all", data, START + number * SECOND, START)
     return path
 
 
@@ -216,7 +216,7 @@ def write_damaged(path: Path) -> Path:
         for number in range(5):
             time = START + number * SECOND
             data = serialized_string("whole") if number % 2 == 0 else b"\x00\x01\x00\x00\xff"
-            bag.write_message(TALK.name, data, time, time)
+            bag.write(TALK.name, data, time, time)
         odd = {"offered_qos_profiles": "!!timestamp 1", "topic_type_hash": ""}
         bag.add_channel(Topic("/rpud/odd", STRING), None, odd)
         bag.add_record("rpud_losses", {"losses": "["})
@@ -261,5 +261,5 @@ def long_waveform(path: Path, size: int) -> Path:
             stamp = {"sec": moment // SECOND, "nanosec": moment % SECOND}
             fields = {"header": {"stamp": stamp, "frame_id": "rpud_mount"}}
             fields |= {"sequence": block * block_size, "sample_period": 1.0 / rate, **arrays}
-            bag.write_message("/rpud/waveform", codec.encode(fields), moment, moment)
+            bag.write("/rpud/waveform", codec.encode(fields), moment, moment)
     return path

@@ -38,10 +38,10 @@ def bag(tmp_path):
             writer.add_topic(
                 Topic(name, STRING, STRING_HASH, (RecordedProfile(),)), STRING_DEFINITION
             )
-        writer.write_message("/rpud/chat", serialized_string("hello"), START, START)
+        writer.write("/rpud/chat", serialized_string("hello"), START, START)
         for number in range(40):
             due = START + number * STEP
-            writer.write_message(REPLAYED, serialized_string(str(number)), due, due)
+            writer.write(REPLAYED, serialized_string(str(number)), due, due)
     return tmp_path / "bag"
 
 
@@ -152,9 +152,7 @@ def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic(talk, STRING_DEFINITION)
         for number in range(count):
-            writer.write_message(
-                "/long", serialized_string(str(number)), START + number * SECOND, START
-            )
+            writer.write("/long", serialized_string(str(number)), START + number * SECOND, START)
     # It keeps what comes, until there is no more room, and takes it more slowly than it is sent.
     node = rclpy.create_node("slow", context=audience.node.context)
     subscription = node.create_subscription(

@@ -185,7 +185,7 @@ def test_a_text_that_a_spreadsheet_would_take_for_a_formula_is_none(tmp_path):
         bag.add_topic(Topic("/a", "pkg/msg/Cell"), definition)
         for text in texts:
             values = {"text": text, "number": -1.5}
-            bag.write_message("/a", serialized("pkg/msg/Cell", definition, values), START, START)
+            bag.write("/a", serialized("pkg/msg/Cell", definition, values), START, START)
     export(tmp_path / "bag", tmp_path / "csv", "csv")
     with (tmp_path / "csv" / "a.csv").open(newline="", encoding="utf-8") as file:
         rows = [*csv.DictReader(file)]

@@ -65,7 +65,7 @@ def test_entries_that_come_late_or_twice_are_put_in_order(used, tmp_path):
         late = [m for m in entries if m.publish_time >= middle]
         early = [m for m in entries if m.publish_time < middle + 20 * MILLISECOND]
         for message in (*late, *reversed(early)):
-            writer.write_message(JOURNAL, message.data, middle + SECOND, message.publish_time)
+            writer.write(JOURNAL, message.data, middle + SECOND, message.publish_time)
     found, expected = runs_in(tmp_path / "bag"), runs_in(used.path)
     assert [run.plan for run in found] == [run.plan for run in expected]
     assert [run.window for run in found] == [run.window for run in expected]

@@ -168,7 +168,7 @@ def skewed(tmp_path_factory):
         for number in range(300):
             names = "ac" if number < 50 else "bc" if number > 250 else "c"
             for name in names:
-                bag.write_message(f"/{name}", f"{name} {number}".encode(), number, number)
+                bag.write(f"/{name}", f"{name} {number}".encode(), number, number)
     return path
 
 

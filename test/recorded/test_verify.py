@@ -202,7 +202,7 @@ def redefined(bag, out, name, definition, change=bytes, *, hashed=True):
             writer.add_topic(topic, text)
         for message in reader.messages():
             data = change(message.data) if message.topic == f"/rpud/{name}" else message.data
-            writer.write_message(message.topic, data, message.log_time, message.publish_time)
+            writer.write(message.topic, data, message.log_time, message.publish_time)
     return out
 
 
@@ -332,9 +332,7 @@ def streamed_bag(path, rate, duration, start, silent=()):
         def write(batches):
             for time, name, values in rows_of(batches):
                 if name in HELD and (time >= begun or name == "journal"):
-                    bag.write_message(
-                        f"/rpud/{name}", codecs[name].encode(values), max(time, begun), time
-                    )
+                    bag.write(f"/rpud/{name}", codecs[name].encode(values), max(time, begun), time)
 
         for second in range(math.ceil(duration) + 1):
             write(run.advance_to(min(second * SECOND, round(duration * SECOND))))

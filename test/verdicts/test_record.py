@@ -212,7 +212,7 @@ def test_the_last_run_of_a_bag_counts(faulty_bag, tmp_path):
         for later in (0, 10 * SECOND):
             for message in source.messages():
                 published = message.publish_time + later
-                writer.write_message(message.topic, message.data, published + 1, published)
+                writer.write(message.topic, message.data, published + 1, published)
     topics = ["contact_force", "reacting_force", "status"]
     both, one = (Record.from_bag(path, topics) for path in (tmp_path / "bag", faulty_bag))
     assert (both.runs, one.runs) == (2, 1)
@@ -239,7 +239,7 @@ def other_bag(faulty_bag, tmp_path):
             header = {"stamp": stamp, "frame_id": ""}
             fields = {"header": header, "beats": number, "state": "well"}
             data = serialized("pkg/msg/Heartbeat", DEFINITION, fields)
-            writer.write_message("/supervisor/heartbeat", data, 10 * SECOND, 10 * SECOND)
+            writer.write("/supervisor/heartbeat", data, 10 * SECOND, 10 * SECOND)
     return path
 
 

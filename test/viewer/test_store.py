@@ -233,7 +233,7 @@ def test_a_foreign_bag_shows_its_signals(tmp_path):
         bag.add_topic(Topic(name, kind, find_type_hash(kind)), find_definition(kind))
         for number in range(300):
             data = codec.encode({"x": float(number), "y": 1.0, "z": 2.0})
-            bag.write_message(name, data, number * 10**7, number * 10**7)
+            bag.write(name, data, number * 10**7, number * 10**7)
     with RecordedStore(tmp_path / "bag") as store:
         store.read_all()
         frame = asked(store)

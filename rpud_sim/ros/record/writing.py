@@ -160,7 +160,7 @@ class WritingThread(threading.Thread):
                 return
             if self._oldest is None:
                 self._oldest = item.log_time
-            self._bag.write_message(item.topic, item.data, item.log_time, item.publish_time)
+            self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
 
     def _refuse(self, size: int) -> str:
         """Return why a message of this size [bytes] has no room, or ""."""

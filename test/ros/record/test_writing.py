@@ -54,10 +54,10 @@ def writing(tmp_path):
 
 def test_every_failure_to_write_is_reported_at_once(writing):
     class Failing(BagWriter):
-        def write_message(self, topic, *rest):
+        def write(self, topic, *rest):
             if topic == TALK.name:
                 raise OverflowError("not foreseen")
-            super().write_message(topic, *rest)
+            super().write(topic, *rest)
 
     with writing(Failing) as run:
         run.put(message())
