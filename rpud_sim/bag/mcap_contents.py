@@ -122,6 +122,8 @@ def summary_of(file: RecordFile) -> Contents:
     end = ending - _FOOTER_SIZE
     head = file.head(end) if end > 0 else None
     if head != (Opcode.FOOTER, ending):  # a footer with further fields is found by a walk
+        if not _has_footer(file):
+            raise BagFormatError(f"it was not closed, for it has no footer; {REMEDY}")
         return Contents(lacks="its footer is not as usual")
     footer = parse(file.record(end, ending))
     assert isinstance(footer, Footer)
@@ -159,6 +161,14 @@ def summary_of(file: RecordFile) -> Contents:
             if each.indexes:  # one without messages has times of zero
                 found.times += each.start_time, each.end_time
     return found
+
+
+def _has_footer(file: RecordFile) -> bool:
+    """Return whether the records of a file follow each other up to a footer at its end."""
+    kind, offset, ending = 0, len(MAGIC), file.size - len(MAGIC)
+    while offset < ending and (head := file.head(offset)):
+        kind, offset = head
+    return kind == Opcode.FOOTER and offset == ending
 
 
 def _place(index: ChunkIndex) -> ChunkPlace:
