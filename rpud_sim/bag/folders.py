@@ -86,7 +86,8 @@ def mcap_files(folder: Path) -> list[Path]:
         digits = file.stem[len(stem) :]
         return stem, len(digits), digits
 
-    found = (file for file in folder.iterdir() if file.suffix.lower() == ".mcap")
+    with reading(folder):
+        found = [file for file in folder.iterdir() if file.suffix.lower() == ".mcap"]
     return sorted((file for file in found if not file.name.startswith(".")), key=parts)
 
 
