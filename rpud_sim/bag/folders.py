@@ -62,6 +62,10 @@ def storage_files(path: Path) -> BagFiles:
     if not document.is_file():
         if not held:
             _explain(path)
+        # A killed rosbag2 leaves some files compressed and the last one not.
+        for packed in sorted(path.glob("*.mcap.zstd")):
+            if packed.with_suffix("") not in held:
+                _check_storage(packed)
         found = BagFiles(tuple(held))
     else:
         metadata = _metadata(document)
@@ -82,7 +86,8 @@ def mcap_files(folder: Path) -> list[Path]:
         digits = file.stem[len(stem) :]
         return stem, len(digits), digits
 
-    found = (file for file in folder.iterdir() if file.suffix.lower() == ".mcap")
+    with reading(folder):
+        found = [file for file in folder.iterdir() if file.suffix.lower() == ".mcap"]
     return sorted((file for file in found if not file.name.startswith(".")), key=parts)
 
 

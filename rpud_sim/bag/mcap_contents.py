@@ -81,7 +81,7 @@ class Contents:
     spans: dict[int, tuple[int, int]] | None = None
     # Messages outside of chunks; None until they are looked for.
     loose: list[ChunkPlace] | None = None
-    warning: str = ""  # why the whole file was read; empty if its summary was enough
+    lacks: str = ""  # why the summary is not enough, and the whole file is read; empty if it is
 
     def declare(self, record: object) -> None:
         """Add a schema or a channel; the first one of a number counts."""
@@ -89,10 +89,6 @@ class Contents:
             self.schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
             self.channels.setdefault(record.id, record)
-
-
-class _UnusableSummaryError(BagFormatError):
-    """Error of a legal file whose summary does not have all that it may have."""
 
 
 def contents_of(file: RecordFile, path: Path) -> Contents:
@@ -105,32 +101,34 @@ def contents_of(file: RecordFile, path: Path) -> Contents:
     ending = file.size - len(MAGIC)
     if ending < len(MAGIC) or file.content(ending, len(MAGIC)) != MAGIC:
         raise BagFormatError(f"{path} is cut off: it was not closed, or lost its end; {REMEDY}")
-    try:
-        return summary_of(file)
-    except _UnusableSummaryError as reason:
-        try:
-            found = _walked(file)
-        except UNREADABLE as error:
-            text = str(error) or type(error).__name__
-            raise BagFormatError(text if REMEDY in text else f"{text}; {REMEDY}") from error
-        found.warning = f"{path}: {reason}, so the whole file was read to open it"
+    found = summary_of(file)
+    if not found.lacks:
         return found
+    try:
+        walked = _walked(file)
+    except UNREADABLE as error:
+        text = str(error) or type(error).__name__
+        raise BagFormatError(text if REMEDY in text else f"{text}; {REMEDY}") from error
+    walked.lacks = found.lacks
+    return walked
 
 
 def summary_of(file: RecordFile) -> Contents:
-    """Return the contents of a file as its summary section has them.
+    """Return the contents of a file as its summary section has them, and what they lack.
 
-    A section that is missing, incomplete or damaged is a BagFormatError.
+    A damaged section is a BagFormatError.
     """
     ending = file.size - len(MAGIC)
     end = ending - _FOOTER_SIZE
     head = file.head(end) if end > 0 else None
     if head != (Opcode.FOOTER, ending):  # a footer with further fields is found by a walk
-        raise _UnusableSummaryError("its footer is not as usual")
+        if not _has_footer(file):
+            raise BagFormatError(f"it was not closed, for it has no footer; {REMEDY}")
+        return Contents(lacks="its footer is not as usual")
     footer = parse(file.record(end, ending))
     assert isinstance(footer, Footer)
     if not footer.summary_start:
-        raise _UnusableSummaryError("it has no summary section")
+        return Contents(lacks="it has no summary section")
     offset = start = footer.summary_start
     if start > end:
         raise BagFormatError(f"its summary section is not where it should be; {REMEDY}")
@@ -152,15 +150,25 @@ def summary_of(file: RecordFile) -> Contents:
             found.chunks.append(_place(record))
     _check_places(found.chunks, start)
     if statistics is None:
-        raise _UnusableSummaryError("its summary section has no statistics")
+        found.lacks = "its summary section has no statistics"
+        return found
     found.counts = statistics.channel_message_counts
-    _check(found, statistics)
+    if what := _lacking(found, statistics):
+        found.lacks = f"its summary section lacks {what}"
     if statistics.message_count:
         found.times = [statistics.message_start_time, statistics.message_end_time]
         for each in found.chunks:
             if each.indexes:  # one without messages has times of zero
                 found.times += each.start_time, each.end_time
     return found
+
+
+def _has_footer(file: RecordFile) -> bool:
+    """Return whether the records of a file follow each other up to a footer at its end."""
+    kind, offset, ending = 0, len(MAGIC), file.size - len(MAGIC)
+    while offset < ending and (head := file.head(offset)):
+        kind, offset = head
+    return kind == Opcode.FOOTER and offset == ending
 
 
 def _place(index: ChunkIndex) -> ChunkPlace:
@@ -187,19 +195,18 @@ def _check_places(chunks: list[ChunkPlace], end: int) -> None:
         raise BagFormatError("a chunk reaches beyond the file's data")
 
 
-def _check(found: Contents, statistics: Statistics) -> None:
-    """Check that nothing would be missing unnoticed: statistics count what the section lists."""
+def _lacking(found: Contents, statistics: Statistics) -> str:
+    """Return what would be missing unnoticed: statistics count what the section lists."""
     counts = found.counts
     if statistics.channel_count > len(found.channels) or not counts.keys() <= found.channels.keys():
-        raise _UnusableSummaryError("its summary section lacks channels")
+        return "channels"
     if not {each.schema_id for each in found.channels.values()} <= {0, *found.schemas}:
-        raise _UnusableSummaryError("its summary section lacks schemas")
+        return "schemas"
     if statistics.chunk_count != len(found.chunks):
-        raise _UnusableSummaryError("its summary section lacks chunks")
+        return "chunks"
     if statistics.metadata_count != len(found.metadata):
-        raise _UnusableSummaryError("its summary section lacks metadata records")
-    if statistics.message_count != sum(counts.values()):
-        raise _UnusableSummaryError("its summary section lacks counts of messages")
+        return "metadata records"
+    return "" if statistics.message_count == sum(counts.values()) else "counts of messages"
 
 
 def _records(

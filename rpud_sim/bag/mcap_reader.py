@@ -91,7 +91,12 @@ class McapFile:
             raise
         self._contents = contents
         self.size = self._file.size  # [bytes]
-        self.warning = contents.warning  # why the whole file was read; empty if it was not
+        # Why the whole file was read, in one line; empty if it was not.
+        self.warning = (
+            f"{path}: {contents.lacks}, so the whole file was read to open it"
+            if contents.lacks
+            else ""
+        )
         self.schemas = contents.schemas
         repeated = {n for n, each in contents.channels.items() if REPEATED_KEY in each.metadata}
         self.channels = {n: each for n, each in contents.channels.items() if n not in repeated}

@@ -317,9 +317,9 @@ class _TornFile:
         return False
 
     def _read_summary(self) -> Mapping[int, int]:
-        """Declare what a whole summary section declares; return its number of messages by channel.
+        """Declare what the summary section declares; return its number of messages by channel.
 
-        Nothing is declared, and the result empty, if there is no such section.
+        The result is empty if the section lacks something; of a damaged one nothing is declared.
         """
         try:
             with reading(self._path), self._path.open("rb") as stream:
@@ -329,7 +329,7 @@ class _TornFile:
         declared: list[Schema | Channel] = [*found.schemas.values(), *found.channels.values()]
         for record in declared:
             self._declare(record, True)
-        return found.counts
+        return {} if found.lacks else found.counts
 
     def _add_record(self, raw: RawRecord, checked: bool) -> None:
         record = parse(raw)

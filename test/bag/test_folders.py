@@ -1,6 +1,7 @@
 """Folders of bags as rosbag2 and people leave them are read, or one line says what to do."""
 
 import pytest
+import zstandard
 from sample_bags import START, STRING_DEFINITION, TALK, rewrite, serialized_string, write_bag
 
 import rpud_sim.bag
@@ -103,3 +104,17 @@ def test_what_is_no_bag_is_one_line(tmp_path):
     (tmp_path / "notes.mcap").write_text("some notes")
     with pytest.raises(BagError, match=r"notes\.mcap is not an MCAP file"):
         rpud_sim.bag.open(tmp_path / "notes.mcap")
+
+
+def test_a_bag_with_some_files_compressed_names_what_unpacks_them(tmp_path):
+    path = split_bag(tmp_path / "run")
+    (path / "metadata.yaml").unlink()
+    content = (path / "run_0.mcap").read_bytes()
+    (path / "run_0.mcap").unlink()
+    (path / "run_0.mcap.zstd").write_bytes(zstandard.compress(content))
+    for read in (rpud_sim.bag.open, lambda place: recover(place, tmp_path / "out")):
+        with pytest.raises(BagFormatError, match=r"unpack it first: zstd -d .*run_0\.mcap\.zstd"):
+            read(path)
+    (path / "run_0.mcap").write_bytes(content)
+    with rpud_sim.bag.open(path) as bag:
+        assert len(list(bag.messages())) == 6

@@ -151,6 +151,15 @@ def test_a_damaged_file_without_a_summary_names_recover(tmp_path):
         rpud_sim.bag.open(path)
 
 
+@pytest.mark.parametrize("kept", [30, 200, -37])
+def test_an_end_without_a_footer_names_recover(tmp_path, kept):
+    path = tmp_path / "a.mcap"
+    content = replace(LOOSE, summary=False).content()
+    path.write_bytes(content[:kept] + content[-8:])
+    with pytest.raises(BagFormatError, match="has no footer; rpud recover makes a whole bag"):
+        rpud_sim.bag.open(path)
+
+
 def test_undeclared_messages_are_refused(tmp_path):
     path = tmp_path / "a.mcap"
     channel = record(4, b"\1\0\1\0\2\0\0\0/a")
