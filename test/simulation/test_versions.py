@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import rpud_sim
+from rpud_sim.simulation import versions
 from rpud_sim.simulation.versions import (
     ENGINE,
     engine_of,
@@ -18,7 +19,7 @@ def test_a_change_of_a_source_changes_the_digest(tmp_path, monkeypatch):
     package, before = Path(rpud_sim.__file__).parent, source_digest()
     folder = tmp_path / "rpud_sim"
     shutil.copytree(package, folder, ignore=shutil.ignore_patterns("__pycache__", "compiled"))
-    monkeypatch.setattr(rpud_sim, "__file__", str(folder / "__init__.py"))
+    monkeypatch.setattr(versions, "__file__", str(folder / "simulation" / "versions.py"))
     assert source_digest() == before
     (folder / "bag" / "reader.py").write_text("")  # it makes no result
     assert source_digest() == before
