@@ -65,7 +65,6 @@ class LockstepClient(DrillClient):
         )
         return self._advance("simulation/step", request)
 
-
     def change_state(self, *transitions: str) -> None:
         """Let the drill's node make transitions of its life cycle."""
         name = "drill_node/change_state"
