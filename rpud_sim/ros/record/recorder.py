@@ -161,7 +161,8 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
         f"recorded {bag.message_count} messages on {len(node.topics)} topics in {seconds:.1f} s "
         f"({bag.size / 1e6:.2f} MB{files}) to {bag.path}"
     ]
-    lines += [text for name, losses in sorted(node.losses.items()) for text in _lost(name, losses)]
+    for name, losses in sorted(node.losses.items()):
+        lines += _lost(name, losses, node.topics[name].unknown)
     lines += [
         f"subscribed {name} again {topic.renewals} times, in case a publisher was not connected"
         for name, topic in sorted(node.topics.items())
@@ -173,7 +174,7 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
     return "\n".join(map(printable, lines))
 
 
-def _lost(name: str, losses: Losses) -> list[str]:
+def _lost(name: str, losses: Losses, unknown: str) -> list[str]:
     known = {
         "on the way": losses.transport or 0,
         "for which the queue (--max-cache-size) had no room": losses.queue,
@@ -182,7 +183,8 @@ def _lost(name: str, losses: Losses) -> list[str]:
     causes = [f"{count} {what}" for what, count in known.items() if count]
     lines = [f"lost {sum(known.values())} messages on {name}: {', '.join(causes)}"] * bool(causes)
     if losses.total is None:
-        lines.append(f"losses on {name} are unknown: the middleware does not number messages")
+        reason = unknown or "the middleware does not number messages"
+        lines.append(f"losses on {name} are unknown: {reason}")
     return lines
 
 

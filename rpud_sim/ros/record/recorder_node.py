@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
@@ -45,6 +45,9 @@ _AWAY = 86_400_000_000_000  # that our clock may be set while a message waits [n
 _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
+_DOUBT = 0.5  # between two calls, in which a publisher may have left with its last messages [s]
+_LEASE = 25.0  # after which the middleware has forgotten a process that was killed [s]
+_PROCESS = 12  # bytes of a publisher's identifier that all of its process have
 _STANDSTILL = 2.0  # between two calls, after which publishers may have dropped the recorder [s]
 _SILENCE = 3.0  # after it, in which a connected publisher should send something [s]
 _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove nothing [s]
@@ -72,6 +75,11 @@ class RecordedTopic(FollowedTopic):
         self.further_types: set[str] = set()  # of the topic, which are not recorded
         self.damaged = 0  # messages that were damaged
         self.renewals = 0  # subscriptions that were renewed as a publisher was silent
+        self.unknown = ""  # why nobody can know what is lost; empty if the numbers show it
+        # Publishers that were there when the recorder stood still, and may have left meanwhile.
+        self.doubted: set[bytes] = set()
+        self.heard_again = False  # whether one of them has
+        self._resumed_at = inf  # by the clock of the messages [ns]
         self._numbered = True  # whether the middleware numbers messages
         self._uncounted = 0  # damaged messages whose numbers are a gap in the next ones
         self._latest: dict[tuple[int, int | None, int], None] = {}
@@ -82,7 +90,26 @@ class RecordedTopic(FollowedTopic):
 
     def losses(self, refused: int) -> Losses:
         """Return the losses; ``refused`` are messages that did not fit into the queue."""
-        return Losses(self.gaps.missing if self._numbered else None, refused, self.damaged)
+        known = self._numbered and not self.unknown
+        return Losses(self.gaps.missing if known else None, refused, self.damaged)
+
+    def doubt(self) -> None:
+        """Note that the recorder stood still: no later number shows what a publisher sent last."""
+        self.doubted, self.heard_again = self._identifiers(), False
+        self._resumed_at = time.time_ns()
+
+    def believe(self, living: Collection[bytes]) -> None:
+        """Doubt no publisher that goes on, or is there in a living process."""
+        if self.heard_again:  # its numbers show what is missing
+            self.doubted = set()
+        if self.doubted - self._identifiers():
+            self.doubt_for_ever()
+        self.doubted = {each for each in self.doubted if each[:_PROCESS] not in living}
+
+    def doubt_for_ever(self) -> None:
+        self.doubted = set()
+        self.unknown = "a publisher left while the recorder stood still"
+        self._node.get_logger().warning(f"losses on {self.name} are unknown: {self.unknown}")
 
     def follow(self) -> str:
         """Look at the publishers; return why to subscribe again because of them, or ""."""
@@ -139,6 +166,8 @@ class RecordedTopic(FollowedTopic):
             if len(self._latest) > RECORDING_DEPTH:
                 del self._latest[next(iter(self._latest))]
         self.received_at = time.monotonic()
+        # With several publishers it may be of any of them.
+        self.heard_again |= publish_time > self._resumed_at and len(self.doubted) == 1
         self._numbered = self._numbered and number is not None
         before = self.gaps.missing
         self.gaps.record(number)
@@ -151,6 +180,10 @@ class RecordedTopic(FollowedTopic):
 
     def _publishers(self) -> list[TopicEndpointInfo]:
         return [each for each in super()._publishers() if each.topic_type == self.type]
+
+    def _identifiers(self) -> set[bytes]:
+        """Return the publishers that were there at the last look."""
+        return {bytes(each.endpoint_gid) for each in self.endpoints if self._offers}
 
     def _find(self, find: Callable[[str], str]) -> str | None:
         try:
@@ -200,8 +233,8 @@ class Recorder(Node):
         self.suppressed = 0  # errors that data from the network raised
         self._batch: list[Message] = []
         self._end = inf  # of the recording [ns since the epoch]
-        # By the monotonic clock [s]: the last reception, and the end of the latest standstill.
-        self._received_at, self._stood_still = inf, inf
+        # By the monotonic clock [s]: the last call, and the end of the latest standstill.
+        self._called_at = self._stood_still = self._resumed_at = inf
         # ``serve`` takes the requests, so nothing ever calls the callback.
         self._servers: dict[str, Any] = {
             name: self.create_service(kind, f"~/{name}", lambda _, response: response)
@@ -261,6 +294,7 @@ class Recorder(Node):
 
     def discover(self) -> bool:
         """Subscribe to wanted topics that have appeared or changed; return whether some are new."""
+        self._note_standstill()
         known = len(self.topics) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
             if self.wants(name) and name not in self.skipped:
@@ -269,6 +303,7 @@ class Recorder(Node):
             with self.guard(f"what is known of {topic.name}"):
                 if reason := topic.follow():
                     self._renew(topic, reason)
+        self._believe()
         if time.monotonic() >= self._stood_still + _SILENCE:
             # A publisher that dropped us meanwhile sends nothing more, yet seems connected here.
             for topic in self.topics.values():
@@ -280,11 +315,7 @@ class Recorder(Node):
 
     def receive(self) -> float:
         """Hand messages to the intake; return the time up to which it has all [ns], or inf."""
-        now = time.monotonic()
-        if now - self._received_at >= _STANDSTILL:
-            self._stood_still = now
-            self.get_logger().warning(f"it stood still for {now - self._received_at:.1f} s")
-        self._received_at = now
+        self._note_standstill()
         began, done = time.time_ns(), inf
         for topic in self.topics.values():
             with self.guard(f"a message of {topic.name}"):
@@ -308,8 +339,34 @@ class Recorder(Node):
     def finish(self) -> None:
         """Hand over the last messages, and declare silent topics."""
         self._hand_over(len(self._batch))
+        self._believe()
         for topic in self.topics.values():
             self._declare(topic, received=False)
+            if topic.doubted:  # the middleware needs some time to know that one has gone
+                topic.doubt_for_ever()
+
+    def _note_standstill(self) -> None:
+        now, before = time.monotonic(), self._called_at
+        self._called_at = now
+        if now - before >= _DOUBT:
+            self._resumed_at = now
+            for topic in self.topics.values():
+                topic.doubt()
+        if now - before >= _STANDSTILL:
+            self._stood_still = now
+            self.get_logger().warning(f"it stood still for {now - before:.1f} s")
+
+    def _believe(self) -> None:
+        """Look whose publishers live on since the recorder stood still."""
+        long_ago = time.monotonic() >= self._resumed_at + _LEASE
+        living = {
+            publisher[:_PROCESS]
+            for topic in self.topics.values()
+            for publisher in topic.doubted
+            if topic.heard_again or long_ago
+        }
+        for topic in self.topics.values():
+            topic.believe(living)
 
     def serve(self) -> None:
         """Do what services were asked for, and answer."""

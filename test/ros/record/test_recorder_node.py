@@ -2,6 +2,7 @@
 
 import re
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -13,7 +14,7 @@ from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.ros.options import RecordOptions
-from rpud_sim.ros.record.recorder import failure
+from rpud_sim.ros.record.recorder import failure, summary
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake
 
@@ -47,6 +48,9 @@ def discovered(recorder, count):
 def heard(*publishers, by=1):
     """Wait until each publisher has its subscriptions."""
     until(lambda: all(each.get_subscription_count() == by for each in publishers))
+
+
+BAG = {"file_count": 1, "message_count": 1, "size": 1, "path": "bag"}
 
 
 class Declarations:
@@ -127,6 +131,35 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     publisher.publish(Int32(data=1))
     until(lambda: there.receive() and there.taken)
     assert failure(there, allow_empty=False) == ""
+
+
+def test_losses_of_a_publisher_that_leaves_while_the_recorder_stands_still_are_unknown(
+    peer, record
+):
+    leaving = peer.create_publisher(Int32, "leaving", RELIABLE)
+    silent = peer.create_publisher(Int32, "silent", RELIABLE)
+    talking = peer.create_publisher(Int32, "talking", RELIABLE)
+    recorder = discovered(record(), 3)
+    heard(leaving, silent, talking)
+    leaving.publish(Int32(data=1))
+    until(lambda: recorder.receive() and recorder.taken == 1)
+    began = time.monotonic()
+    until(lambda: time.monotonic() > began + 0.6)
+    peer.destroy_publisher(leaving)
+
+    def noticed():
+        talking.publish(Int32(data=2))
+        recorder.receive()
+        recorder.discover()
+        topics = recorder.topics
+        return topics["/rpud/leaving"].unknown and not topics["/rpud/silent"].doubted
+
+    until(noticed)
+    recorder.finish()
+    totals = {name: losses.total for name, losses in recorder.losses.items()}
+    assert totals == {"/rpud/leaving": None, "/rpud/silent": 0, "/rpud/talking": 0}
+    text = "losses on /rpud/leaving are unknown: a publisher left while the recorder stood still"
+    assert text in summary(recorder, SimpleNamespace(**BAG), {}, 1.0)
 
 
 @pytest.mark.extended
