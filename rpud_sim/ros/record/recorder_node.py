@@ -279,8 +279,9 @@ class Recorder(Node):
             return False
         if name in self._named:
             return True
-        # Tokens that begin with an underscore are hidden, as those of actions and services are.
-        if "/_" in name:
+        # Tokens that begin with an underscore are hidden, as those of actions and services are; not
+        # those of the namespace, which somebody has named.
+        if "/_" in f"/{name.removeprefix(self._prefix)}":
             return False
         if options.everything:
             return True

@@ -234,3 +234,11 @@ def test_topics_are_chosen_by_name_expression_or_namespace(record, options, want
     recorder = record(**(options | patterns), namespace="rpud")
     assert set(filter(recorder.wants, NAMES)) == wanted
     assert not recorder.complete
+
+
+@pytest.mark.parametrize("options", [{}, {"regex": re.compile("status")}, {"everything": True}])
+def test_a_hidden_namespace_that_is_named_is_recorded(record, options):
+    recorder = record(**options, namespace="/_drill")
+    assert recorder.wants("/_drill/status")
+    assert not recorder.wants("/_drill/_hidden/status")
+    assert not recorder.wants("/_other/status")
