@@ -135,6 +135,7 @@ def _drill_and_record(
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
             # `_missing` compares numbers of messages, which says more than an empty bag.
             *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
+            *(["--use-sim-time"] if node.settings.publish_clock else ()),
         ),
         errors_apart=True,
     )

@@ -6,9 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from rpud_msgs.msg import Status
 from std_msgs.msg import Int32
 from support import until
 
@@ -133,6 +136,28 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     assert failure(there, allow_empty=False) == ""
 
 
+@pytest.mark.parametrize("of_drill", [True, False])
+def test_log_times_are_of_the_drill_that_is_the_source_of_clock(peer, nodes, record, of_drill):
+    if not of_drill:
+        nodes.append(rclpy.create_node("other"))
+    talking = peer.create_publisher(Status, "status", RELIABLE)
+    ticking = nodes[-1].create_publisher(Clock, "/clock", RELIABLE)
+    recorder = discovered(record(), 1)
+    heard(talking, ticking)
+    assert not recorder.clock.decided or of_drill
+    talking.publish(Status())
+    ticking.publish(Clock(clock=Time(sec=7)))
+
+    def decided():
+        recorder.discover()
+        recorder.receive()
+        return recorder.clock.decided and (not of_drill or recorder.clock._ticks)
+
+    until(decided)
+    assert recorder.clock.simulated == of_drill
+    assert (recorder.clock.at(time.time_ns()) == 7_000_000_000) == of_drill
+
+
 def test_losses_of_a_publisher_that_leaves_while_the_recorder_stands_still_are_unknown(
     peer, record
 ):
@@ -151,10 +176,10 @@ def test_losses_of_a_publisher_that_leaves_while_the_recorder_stands_still_are_u
         talking.publish(Int32(data=2))
         recorder.receive()
         recorder.discover()
-        topics = recorder.topics
-        return topics["/rpud/leaving"].unknown and not topics["/rpud/silent"].doubted
+        return not recorder.topics["/rpud/silent"].doubted
 
     until(noticed)
+    assert recorder.topics["/rpud/leaving"].doubted
     recorder.finish()
     totals = {name: losses.total for name, losses in recorder.losses.items()}
     assert totals == {"/rpud/leaving": None, "/rpud/silent": 0, "/rpud/talking": 0}
