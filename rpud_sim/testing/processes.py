@@ -19,7 +19,7 @@ import yaml
 
 from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.ros.process import PROFILE, loopback_variables
-from rpud_sim.testing import guard
+from rpud_sim.testing.guard import VARIABLE
 
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
 _LAST_DOMAIN = 101
@@ -29,6 +29,7 @@ _ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 # Parameters of every drill of a test: time stands still between steps, and begins at zero.
 LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
 
+_GUARD = Path(__file__).with_name("guard.py")
 NO_FAULTS = "faults: []\n"
 _PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
 
@@ -127,11 +128,11 @@ class DrillProcess:
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
         self.environment = {
             **loopback_environment(self.domain),
-            guard.VARIABLE: str(self.folder / "log"),
+            VARIABLE: str(self.folder / "log"),
             "PYTHONUNBUFFERED": "1",
         }
         self._guard = subprocess.Popen(
-            [sys.executable, "-I", "-S", guard.__file__, str(os.getpid()), str(self.folder)],
+            [sys.executable, "-I", "-S", _GUARD, str(os.getpid()), str(self.folder)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
