@@ -20,6 +20,7 @@ from rpud_sim.foundation.terminal import complain
 # Environment variable: where it is set, an unexpected error shows its traceback.
 TRACEBACK = "RPUD_TRACEBACK"
 
+_SIGNAL = 128  # exit code of a signal, without its number
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
 _EXTRA_MODULES = ("emcee", "matplotlib", "pyarrow", "pytest", "scipy", "tornado")
@@ -33,6 +34,13 @@ _EXTRAS = {
 _STUDIES = "studies"
 # Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
 _BAG_MODULES = ("lz4", "mcap", "rosbags", "zstandard")
+
+
+# What a signal ends as it should, whenever it comes.
+_UNTIL_A_SIGNAL = (
+    *("rpud run", "rpud record", "rpud replay", "rpud echo", "rpud watch"),
+    *("drill_node", "recorder", "replayer"),
+)
 
 
 class ExitCode(enum.IntEnum):
@@ -112,12 +120,25 @@ def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
         code = ExitCode.DONE
     except KeyboardInterrupt:
         interrupt.end()  # which may have been interrupted itself
-        code = interrupt.code
+        code = _interrupted(program, interrupt.code)
     except Exception as error:
         # An import that is interrupted may end in any error.
-        code = interrupt.code if interrupt.seen else _report_unexpected(program, error)
+        if interrupt.seen:
+            code = _interrupted(program, interrupt.code)
+        else:
+            code = _report_unexpected(program, error)
     gc.freeze()  # Python else searches all that is left for cycles, which takes 0.1 s
     sys.exit(_flush(program, code))
+
+
+def _interrupted(program: str, code: int) -> int:
+    """Return the exit code after a signal that came while the program did not wait for one."""
+    number = signal.Signals(code - _SIGNAL)
+    of_terminal = program == "rpud watch" and number == signal.SIGHUP
+    if program not in _UNTIL_A_SIGNAL or of_terminal:
+        return code
+    complain(program, f"ended by {number.name}")
+    return ExitCode.DONE
 
 
 def _report_unexpected(program: str, error: Exception) -> ExitCode:
@@ -186,7 +207,7 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self.seen = False  # whether there was one of them
-        self.code = int(ExitCode.INTERRUPTED)  # of the program after it
+        self.code = _SIGNAL + signal.SIGINT  # of the program after it
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup and a shell's & set it
                 signal.signal(number, self._handle)
@@ -200,7 +221,7 @@ class _Interrupt:
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.seen = True
         if number != signal.SIGALRM:
-            self.code = 128 + number
+            self.code = _SIGNAL + number
         signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)
         error = sys.exc_info()[1]
         while error is not None:

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
@@ -43,6 +44,7 @@ _PAGE_START = 60.0  # that the page's server may take to start on a busy machine
 _PAGE_END = 10.0  # that it may take to end [s]
 _RECORDER_START = 15.0  # s
 _RECORDER_END = 30.0  # s
+_NO_BAG = "stopped before the recording began: there is no bag"
 _READY = "recording\n"  # that the recorder prints when it records
 
 
@@ -124,22 +126,33 @@ def _drill_and_record(
 ) -> ExitCode:
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message
+    if stop.wait(0.0):
+        complain(program, _NO_BAG)
+        return ExitCode.DONE
+    existed = Path(record).exists()  # then the recorder refuses it
     recorder = ChildProcess(
         (
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
             # `_missing` compares numbers of messages, which says more than an empty bag.
             *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
+            *(["--use-sim-time"] if node.settings.publish_clock else ()),
         ),
         errors_apart=True,
     )
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
-        closed = _close_recorder(recorder)
-        return ExitCode.DONE if stop.requested and closed else ExitCode.FAILED
+        stopped = stop.requested
+        if stopped and not existed:
+            recorder.end(signal.SIGTERM, seconds=_RECORDER_END)
+            if not Path(record).exists():  # the signal came while it started
+                complain(program, _NO_BAG)
+                return ExitCode.DONE
+        closed = _close_recorder(recorder, record, early=not stopped)
+        return ExitCode.DONE if stopped and closed else ExitCode.FAILED
     node.await_recorder(stop)
     try:
         drilled = _drill(node, stop, program, live)
     finally:
-        recorded = _close_recorder(recorder)
+        recorded = _close_recorder(recorder, record, early=not recorder.running)
     for line in _missing(record, node.sent) if recorded else ():
         recorded = False
         complain(program, line)
@@ -166,9 +179,11 @@ def _print_summary(node: DrillNode) -> None:
     print(summary_text(node.totals.figures(), node.report, node.faults), flush=True)
 
 
-def _close_recorder(recorder: ChildProcess) -> bool:
-    """Stop it, print its summary or its errors, and return whether it recorded until now."""
-    early = not recorder.running
+def _close_recorder(recorder: ChildProcess, record: str, *, early: bool) -> bool:
+    """Stop it, print its summary or its errors, and return whether it recorded until now.
+
+    It has not if it has ended ``early``.
+    """
     recorder.end(signal.SIGTERM, seconds=_RECORDER_END)
     print(recorder.output.removeprefix(_READY), end="", flush=True)
     code = recorder.code or 0
@@ -179,7 +194,8 @@ def _close_recorder(recorder: ChildProcess) -> bool:
     errors = recorder.errors.splitlines()
     lines = [line for line in errors if line.startswith("rpud")]
     if not lines and code < 0:
-        complain(_PROGRAM, f"the recorder was ended by signal {-code}; its bag is torn")
+        bag = "its bag is torn" if Path(record).exists() else "there is no bag"
+        complain(_PROGRAM, f"the recorder was ended by signal {-code}; {bag}")
     else:
         print("\n".join(lines or errors[-3:]), file=sys.stderr)
     return False

@@ -205,6 +205,7 @@ class StrataParameters(ParameterGroup):
         "",
         "a rock, a path or YAML in braces",
         "layers of the rock; one layer of the parameters rock_* if empty",
+        longest=1 << 20,
     )
 
     def __post_init__(self) -> None:

@@ -47,6 +47,17 @@ def shown(value: Any) -> str:
         return "a number too long to show"
 
 
+# Characters of a name, and of a text that says something: longer ones are refused or cut off, for
+# whoever reaches the drill could fill its memory with them.
+LONGEST_NAME = 256
+LONGEST_TEXT = 4096
+
+
+def cut(text: str, most: int = LONGEST_TEXT) -> str:
+    """Return a text whose end is left out if it has more characters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def shown_name(name: Any) -> str:
     """Return a user's name as short text on one line, in quotes unless it is a plain name."""
     plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
@@ -66,7 +77,7 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
     It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
     topics begin alike.
     """
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8) if isinstance(name, str) else []
+    close = _close(name, known, 0.8)
     return f" (did you mean {close[0]}?)" if close else ""
 
 
@@ -76,11 +87,17 @@ _MOST_NAMES = 30  # that a hint lists
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
     """Return a hint for an unknown name: the nearest known one, or all of them if they are few."""
     known = list(known)
-    close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
+    close = _close(name, known, 0.6)
     if not close and len(known) > _MOST_NAMES:
-        near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.0)
+        near = difflib.get_close_matches(f"{name!s:.80}", known, n=3, cutoff=0.0)
         return f"the nearest of {len(known)} are {', '.join(near)}"
     return f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
+
+
+def _close(name: Any, known: Iterable[str], cutoff: float) -> list[str]:
+    if not isinstance(name, str) or len(name) > LONGEST_NAME:  # a long one takes seconds
+        return []
+    return difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
 
 
 def check_names(names: Iterable[Any], known: Iterable[str], what: str = "parameter") -> None:
@@ -169,10 +186,15 @@ class Text:
 
     description: str  # one phrase
     range: str  # which texts are allowed, in words
+    longest: int = LONGEST_TEXT  # characters
 
     def check(self, name: str, value: Any) -> str:
         if not isinstance(value, str):
             raise ParameterError(f"{name} = {shown(value)} is not a text")
+        if len(value) > self.longest:
+            raise ParameterError(
+                f"{name} has {len(value)} characters; allowed are {self.longest} at most"
+            )
         return value
 
 
@@ -215,8 +237,8 @@ def flag(default: bool, description: str) -> Any:
     return _field(default, Flag(description), False)
 
 
-def text(default: str, range: str, description: str) -> Any:
-    return _field(default, Text(description, range), False)
+def text(default: str, range: str, description: str, longest: int = LONGEST_TEXT) -> Any:
+    return _field(default, Text(description, range, longest), False)
 
 
 def _field(default: Any, allowed: Allowed, changeable: bool) -> Any:

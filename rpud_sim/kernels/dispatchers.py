@@ -156,8 +156,12 @@ class _Files(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled kernel from its file; None if there is none."""
-        content = self._store.read(self._name(sig))
-        return None if content is None else _load(content, target_context)
+        content = self._store.read(name := self._name(sig))
+        try:
+            return None if content is None else _load(content, target_context)
+        except Exception as error:  # the digest says that it is whole, not that it is a kernel
+            self._store.refuse(name, error)
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write the compiled kernel to its file."""

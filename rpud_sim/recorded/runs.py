@@ -279,11 +279,11 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
             groups.append(([each], ""))
         elif not groups:
             orphans += 1
-        elif each.entry.sequence == (last := entries[-1].entry.sequence) + 1 and not gap:
-            entries.append(each)
         elif not gap:
-            gap = f"entries {last + 1} to {each.entry.sequence - 1} of the journal are missing"
-            groups[-1] = entries, f"{journal.name}: {gap}"
+            if reason := _discontinuity(entries[-1].entry, each.entry.sequence):
+                groups[-1] = entries, f"{journal.name}: {reason}"
+            else:
+                entries.append(each)
     if not groups:
         raise UnverifiableError(
             f"cannot be decided: {orphans} entries of {journal.name} have no beginning; their "
@@ -317,6 +317,17 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
     for run in found:
         journal.check(run.entries)
     return [_to_its_end(run, journal) for run in found]
+
+
+def _discontinuity(last: JournalEntry, number: int) -> str:
+    """Return why an entry of this number does not continue a run; empty if it does."""
+    if last.kind == "end":
+        return f"entry {number} of the journal comes after the end, entry {last.sequence}"
+    if number <= last.sequence:
+        return f"entry {number} of the journal comes after entry {last.sequence}"
+    if number > last.sequence + 1:
+        return f"entries {last.sequence + 1} to {number - 1} of the journal are missing"
+    return ""
 
 
 def _to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:

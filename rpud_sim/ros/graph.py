@@ -19,6 +19,9 @@ from rclpy.type_support import check_for_type_support
 from rpud_sim.bag.encoder import CODES, Members
 from rpud_sim.bag.encoder import Sequence as SequenceOf
 
+CLOCK = "/clock"
+STATUS = "rpud_msgs/msg/Status"  # type of the topic that only drills publish
+
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/([a-z]+)/([A-Za-z]\w*)")
 _ARRAY = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
@@ -88,6 +91,24 @@ def node_name(endpoint: TopicEndpointInfo) -> str:
     """Return the full name of an endpoint's node; empty where that is not discovered yet."""
     name = endpoint.node_name
     return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"
+
+
+class ClockSources:
+    """Publishers of ``/clock``; it warns where there are several, between whose times it jumps."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._count = 1
+
+    def look(self) -> None:
+        """Warn if there are more than at the last look."""
+        names = [node_name(e) or "?" for e in self._node.get_publishers_info_by_topic(CLOCK)]
+        if len(names) > max(1, self._count):
+            self._node.get_logger().warning(
+                f"{CLOCK} has {len(names)} publishers, {' and '.join(sorted(names))}: time jumps "
+                "between theirs; stop all but one"
+            )
+        self._count = len(names)
 
 
 class RepeatedRequest:

@@ -87,6 +87,10 @@ class RecordOptions:
     max_cache_size: int = option(
         256 * 2**20, "messages that may wait for the disk (default: %(default)d)", BYTES
     )
+    use_sim_time: bool = option(
+        False,
+        "log times are those of /clock; by default so where a recorded drill is its source",
+    )
     start_paused: bool = option(False, "record only when the service ~/resume is called")
     with_parent: bool = parent_flag()
     allow_empty: bool = option(

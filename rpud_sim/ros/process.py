@@ -16,12 +16,14 @@ from xml.etree import ElementTree
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.foundation.quantities import ExpectedError
 
 LONGEST_END = 20.0  # of a node that has stopped, on a busy machine too [s]
+_WITHOUT_LOG = ("--ros-args", "--disable-external-lib-logs")
 _WHEEL = "ros-fastrtps"
 
 
@@ -36,7 +38,10 @@ def start_ros(
     context: rclpy.Context | None = None,
     domain_id: int | None = None,
 ) -> None:
-    """Initialize rclpy, without signal handlers of its own, or raise a StartError."""
+    """Initialize rclpy, without signal handlers of its own, or raise a StartError.
+
+    Where ROS cannot write its log file it writes none, with a warning.
+    """
     complete_environment(os.environ)
     # Without a keystore, rcl would start all the same, and everything would be sent in the clear.
     if os.environ.get("ROS_SECURITY_ENABLE") == "true" and not _has_security():
@@ -49,15 +54,32 @@ def start_ros(
     except RuntimeError as error:  # RCLError
         reason = str(error).partition(", at ")[0]
         raise StartError(f"ROS arguments that cannot be used: {reason}") from error
+    unwritable = _why_no_log(os.environ)
     try:
         rclpy.init(
-            args=list(arguments),
+            args=[*arguments, *(_WITHOUT_LOG if unwritable else ())],
             context=context,
             domain_id=domain_id,
             signal_handler_options=SignalHandlerOptions.NO,
         )
     except RuntimeError as error:  # RCLError
         raise StartError(f"ROS cannot start: {' '.join(str(error).split())}") from error
+    if unwritable:
+        get_logger("rpud_sim").warning(f"no log file: {unwritable}; ROS_LOG_DIR names a folder")
+
+
+def _why_no_log(environment: Mapping[str, str]) -> str:
+    """Return why ROS cannot write to its log folder, which is made; empty if it can."""
+    home, own = environment.get("HOME"), environment.get("ROS_HOME")
+    folder = environment.get("ROS_LOG_DIR") or (own and f"{own}/log") or (home and "~/.ros/log")
+    if not folder or (folder.startswith("~") and not home):
+        return "HOME is not set"
+    path = Path(f"{home}{folder[1:]}" if folder.startswith("~") else folder)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return f"{path}: {error.strerror}"
+    return "" if os.access(path, os.W_OK | os.X_OK) else f"{path} cannot be written"
 
 
 @contextmanager

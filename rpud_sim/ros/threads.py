@@ -18,9 +18,12 @@ from typing import Any
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 
+from rpud_sim.foundation.quantities import cut
+
 _POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
 _SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
+_LONGEST_LINE = 500  # characters
 _STEPS_PER_OCTAVE = 16  # bounds are 4.4 % apart
 _OCTAVES = 64
 # Delays below a microsecond are one step. To look up the bound is quicker than its logarithm.
@@ -122,7 +125,7 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
 
 def raised(error: Exception) -> str:
     """Return one line about an error that a message from the network has caused."""
-    return f"it raised {type(error).__name__}: {' '.join(str(error).split())}"
+    return cut(f"it raised {type(error).__name__}: {' '.join(str(error).split())}", _LONGEST_LINE)
 
 
 class DelayHistogram:

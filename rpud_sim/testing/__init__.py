@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rpud_sim.testing.errors import (
     DrillError,
     ExpectationFailedError,
+    ExpectationUndecidedError,
     LostMessagesError,
     SystemUnderTestError,
 )
@@ -25,6 +26,7 @@ __all__ = [
     "Drill",
     "DrillError",
     "ExpectationFailedError",
+    "ExpectationUndecidedError",
     "LostMessagesError",
     "SystemUnderTestError",
     "open_drill",

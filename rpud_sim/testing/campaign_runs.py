@@ -19,7 +19,12 @@ from rpud_sim.foundation.terminal import printable, table
 from rpud_sim.pages.frame import render_page
 from rpud_sim.testing.campaign_file import Campaign, CampaignRun, CampaignSystem, read_campaign
 from rpud_sim.testing.drill import Drill
-from rpud_sim.testing.errors import DrillError, ExpectationFailedError, SystemUnderTestError
+from rpud_sim.testing.errors import (
+    DrillError,
+    ExpectationFailedError,
+    ExpectationUndecidedError,
+    SystemUnderTestError,
+)
 from rpud_sim.testing.expectations import verdict_line
 from rpud_sim.verdicts import Expectation, Verdict
 from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
@@ -95,8 +100,8 @@ def fly(
             return flown_run(run, ending, drill.time, text)
     try:
         verdicts = drill.expect(*expectations)
-    except ExpectationFailedError as failed:
-        verdicts = failed.verdicts
+    except (ExpectationFailedError, ExpectationUndecidedError) as error:
+        verdicts = error.verdicts
     if ending != COMPLETED:
         verdicts = tuple(_cut_short(each, drill.time) for each in verdicts)
     return flown_run(run, ending, drill.time, text, verdicts)

@@ -16,7 +16,7 @@ import pytest
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.whole_folder import write_whole
-from rpud_sim.testing.errors import DrillError, LostMessagesError
+from rpud_sim.testing.errors import DrillError, ExpectationUndecidedError, LostMessagesError
 from rpud_sim.testing.item_drills import give_back_drills, take_drill
 
 if TYPE_CHECKING:
@@ -80,6 +80,28 @@ class CampaignItem(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int, str]:
         return self.path, 0, self.name
+
+
+class UndecidedItem(pytest.Item):
+    """Requirement that no run of a campaign decides: an error of every reporter."""
+
+    def __init__(self, reason: str, **options: Any) -> None:
+        super().__init__(**options)
+        self._reason = reason
+
+    def setup(self) -> None:
+        """Raise an error: pytest calls that of any phase but ``call`` so, and not a failure."""
+        raise ExpectationUndecidedError(f"{self.name}: undecided: {self._reason}", ())
+
+    def runtest(self) -> None:
+        """Test nothing."""
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return the reason without a traceback."""
+        return str(excinfo.value)
+
+    def reportinfo(self) -> tuple[Path, None, str]:
+        return self.path, None, self.name
 
 
 class CampaignSession:
@@ -149,15 +171,10 @@ class CampaignSession:
     ) -> None:
         """Report each requirement that no run decides as an error of an item of its own."""
         for name, reason in results.undecided.items():
-            report = pytest.TestReport(
-                nodeid=f"{file_id}::{name}",
-                location=(file_id, None, name),
-                keywords={},
-                outcome="failed",
-                longrepr=f"{name}: undecided: {reason}",
-                when="setup",  # what pytest calls an error, and not a failure
+            item = UndecidedItem.from_parent(
+                session, name=name, nodeid=f"{file_id}::{name}", reason=reason
             )
-            self._config.hook.pytest_runtest_logreport(report=report)
+            item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
             if session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
 

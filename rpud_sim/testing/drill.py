@@ -251,8 +251,8 @@ class Drill(Lockstep):
     ) -> tuple[Verdict, ...]:
         """Evaluate expectations on what was published since the test began.
 
-        They are of ``rpud_sim.verdicts``, formulas, or files. One that has failed or is undecided
-        raises an ExpectationFailedError.
+        They are of ``rpud_sim.verdicts``, formulas, or files. One that has failed raises an
+        ExpectationFailedError. Otherwise one that is undecided raises an ExpectationUndecidedError.
         """
         given = self._verdicts.expectations(expectations, self.folder, name, requirement)
         for expectation in given:

@@ -36,12 +36,19 @@ class ExpectationFailedError(AssertionError):
         super().__init__(text)
         self.verdicts = verdicts
 
-    @property
-    def undecided(self) -> bool:
-        """Whether none of them failed: an error of the test, which has tested nothing."""
-        return all(verdict.outcome != "failed" for verdict in self.verdicts)
+
+class ExpectationUndecidedError(RuntimeError):
+    """Expectations that are undecided, none of which failed; and all ``verdicts``.
+
+    No assertion failed: it is an error of the test, which has tested nothing.
+    """
+
+    def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
+        super().__init__(text)
+        self.verdicts = verdicts
 
 
 def is_verdict(error: Any) -> bool:
     """Whether a failure needs no traceback into this package; pytest asks it for each frame."""
-    return error is not None and bool(error.errisinstance((AssertionError, DrillError)))
+    verdicts = (AssertionError, DrillError, ExpectationUndecidedError)
+    return error is not None and bool(error.errisinstance(verdicts))

@@ -8,7 +8,7 @@ from pathlib import Path
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.testing.collector import HeardTopic
 from rpud_sim.testing.computed import ComputedTopic
-from rpud_sim.testing.errors import ExpectationFailedError, is_verdict
+from rpud_sim.testing.errors import ExpectationFailedError, ExpectationUndecidedError, is_verdict
 from rpud_sim.verdicts import (
     Expectation,
     ExpectationError,
@@ -21,7 +21,7 @@ from rpud_sim.verdicts import (
 from rpud_sim.verdicts.formulas import Eventually
 from rpud_sim.verdicts.notation import to_text
 from rpud_sim.verdicts.units import Window
-from rpud_sim.verdicts.verdict import latest_values
+from rpud_sim.verdicts.verdict import FAILED, latest_values
 
 Expectable = Expectation | Formula | str | Path
 __tracebackhide__ = is_verdict
@@ -78,7 +78,9 @@ class LiveVerdicts:
         if failed:
             lines = [verdict_line(verdict) for verdict in failed]
             lines[0] += f" (evaluated at {time:.3f} s)"
-            raise ExpectationFailedError("\n".join(filter(None, [*lines, refusals()])), verdicts)
+            decided = any(verdict.outcome == FAILED for verdict in failed)
+            kind = ExpectationFailedError if decided else ExpectationUndecidedError
+            raise kind("\n".join(filter(None, [*lines, refusals()])), verdicts)
         return verdicts
 
     def eventually(self, formula: Formula, begun: int) -> Callable[[], bool]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
+from rpud_sim.testing.errors import ExpectationUndecidedError
 from rpud_sim.testing.item_drills import DRILLS, FLIGHT, POOL, give_back_drills, take_drill
 
 if TYPE_CHECKING:
@@ -32,10 +33,6 @@ _UNOBSERVED = (
     "this test has a drill and no expectation: it passes whatever the drill does. Call "
     "drill.expect or drill.step_until, or look at drill.status or drill.messages"
 )
-
-# Phase of a test that ends undecided: failed in any but ``call``, a report is an error.
-_VERDICT: Any = "verdict"
-
 
 _SEED = "rpud_shake_seed"
 _ERROR = pytest.StashKey[str]()  # in the mark of an item
@@ -151,8 +148,6 @@ def pytest_runtest_makereport(
     """Leave the artefacts of a test whose drill still is as it was when the test failed."""
     outcome = yield
     report = outcome.get_result()
-    if call.when == "call" and call.excinfo and getattr(call.excinfo.value, "undecided", False):
-        report.when = _VERDICT
     drills = item.stash.get(DRILLS, [])
     if not drills:
         return
@@ -178,10 +173,23 @@ def pytest_runtest_makereport(
         report.sections.append(("rpud_sim", text))
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:
-    """Call a test with undecided expectations an error, as JUnit does."""
-    return ("error", "E", "ERROR") if report.failed and report.when == _VERDICT else None
+@pytest.hookimpl(specname="pytest_runtest_makereport", wrapper=True, trylast=True)
+def pytest_undecided_is_an_error(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Report a test with undecided expectations as an error, before any reporter sees it.
+
+    pytest calls a failed report an error in any phase but ``call``. Reporters know only pytest's
+    phases, and at most one ``teardown`` of a test.
+    """
+    report = yield
+    if (
+        call.when == "call"
+        and call.excinfo
+        and call.excinfo.errisinstance(ExpectationUndecidedError)
+    ):
+        report.when = "setup"
+    return report
 
 
 @pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted

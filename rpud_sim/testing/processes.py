@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import socket
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -18,6 +19,7 @@ import yaml
 
 from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.ros.process import PROFILE, loopback_variables
+from rpud_sim.testing.guard import VARIABLE
 
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
 _LAST_DOMAIN = 101
@@ -27,6 +29,7 @@ _ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 # Parameters of every drill of a test: time stands still between steps, and begins at zero.
 LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
 
+_GUARD = Path(__file__).with_name("guard.py")
 NO_FAULTS = "faults: []\n"
 _PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
 
@@ -108,7 +111,8 @@ def _is_free(port: int) -> bool:
 class DrillProcess:
     """Drill node that has just been started, in a domain that it has claimed.
 
-    It reads its scenario again at each reset: a file that the owner may write before.
+    It reads its scenario again at each reset: a file that the owner may write before. A guard ends
+    all processes with its environment if this process is killed.
     """
 
     def __init__(self, parameters: Mapping[str, Any], namespace: str) -> None:
@@ -124,9 +128,16 @@ class DrillProcess:
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
         self.environment = {
             **loopback_environment(self.domain),
-            "ROS_LOG_DIR": str(self.folder / "log"),
+            VARIABLE: str(self.folder / "log"),
             "PYTHONUNBUFFERED": "1",
         }
+        self._guard = subprocess.Popen(
+            [sys.executable, "-I", "-S", _GUARD, str(os.getpid()), str(self.folder)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
         self.process = ChildProcess(
             (
                 *(sys.executable, "-c", _PROGRAM, "--ros-args"),
@@ -141,6 +152,8 @@ class DrillProcess:
         self.process.end(signal.SIGINT)
         self._claim.release()
         shutil.rmtree(self.folder, ignore_errors=True)
+        self._guard.kill()
+        self._guard.wait()
 
 
 def _to_ros(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -56,10 +56,12 @@ class Commands:
 
     def add(self, time: float, kind: str, content: Any) -> None:
         """Add an entry of the journal at a time [s]."""
+        kind = kind[:_LENGTH]
         if kind in _QUIET:
             return
         try:
             sort, text, values = self._read(kind, content)
+            text = text[:_LENGTH]
             for name, value in values.items():
                 self._step(name, time, float(value))
         # Another program wrote it.

@@ -71,10 +71,14 @@ class Place:
     @classmethod
     def of(cls, port: int = DEFAULT_PORT, address: str = LOOPBACK) -> Place:
         """Return a place, with a new token if other machines can reach it."""
-        own = address == "localhost"
-        with suppress(ValueError):
-            own = ipaddress.ip_address(address).is_loopback
-        return cls(port, address, "" if own else secrets.token_urlsafe(_TOKEN_BYTES))
+        return cls(port, address, "" if _is_own(address) else secrets.token_urlsafe(_TOKEN_BYTES))
+
+
+def _is_own(host: str) -> bool:
+    """Whether only this machine has an address; no name but ``localhost`` is sure to be one."""
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
 
 
 class PageServer:
@@ -189,7 +193,7 @@ class _Guarded(web.RequestHandler):
         token = self.server.place.token
         cookie = f"rpud_watch_{self.server.port}"  # tells several servers apart
         if not token:
-            if _parts(f"//{host}").hostname not in (LOOPBACK, "localhost", "::1"):
+            if not _is_own(_parts(f"//{host}").hostname or ""):
                 self._refuse(f"host {host!r:.200} is not this machine")
             return
         known, given = self.get_cookie(cookie) or "", self.get_query_argument("token", "")

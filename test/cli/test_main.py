@@ -213,3 +213,18 @@ def test_ctrl_c_ends_quietly_even_where_its_exception_is_dropped(body, output):
         [sys.executable, "-c", INTERRUPTED.format(body)], capture_output=True, text=True
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, output, "")
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "code"),
+    [("record", "SIGTERM", 0), ("watch", "SIGINT", 0), ("watch", "SIGHUP", 129)],
+)
+def test_what_runs_until_a_signal_is_done_by_one_that_comes_while_it_starts(name, number, code):
+    script = f"""
+import signal
+from rpud_sim.cli.program import run_program
+run_program("rpud {name}", lambda: signal.raise_signal(signal.{number}))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    line = "" if code else f"rpud {name}: ended by {number}\n"
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", line)

@@ -15,11 +15,13 @@ from rpud_sim.foundation.quantities import (
     Choice,
     Declaration,
     Flag,
+    ParameterError,
     ParameterGroup,
     Quantity,
     Text,
     choice,
     declarations,
+    did_you_mean,
     flag,
     number,
     number_text,
@@ -56,6 +58,14 @@ OUTSIDE = "is outside its range [0, 10] N"
 )
 def test_a_refusal_names_value_unit_and_range(allowed, value, complaint):
     assert refusal(allowed.check, "x", value) == f"x {complaint}"
+
+
+def test_a_long_text_is_refused_and_a_long_name_not_searched():
+    with pytest.raises(ParameterError, match="x has 4097 characters; allowed are 4096 at most"):
+        Text("", "").check("x", 4097 * "a")
+    assert Text("", "").check("x", 4096 * "a")
+    assert did_you_mean("regim", ["regime"]) == "did you mean regime?"
+    assert did_you_mean(10_000_000 * "regim", ["regime"]) == "known are regime"  # in no time
 
 
 @pytest.mark.parametrize(

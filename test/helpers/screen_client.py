@@ -90,9 +90,9 @@ class ScreenClient:
 
 
 @contextmanager
-def serving(store, token=""):
+def serving(store, token="", address="127.0.0.1"):
     """Serve a store in a thread; the value is the server."""
-    server = PageServer(store, Place(0, token=token))
+    server = PageServer(store, Place(0, address, token))
     thread = threading.Thread(target=server.run)
     thread.start()
     try:

@@ -96,6 +96,19 @@ def test_it_goes_and_stands_with_the_clock_and_restarts_when_that_goes_back(dril
     source.until(lambda: len(planes) > back and stamps(planes[-1:])[0] == source.now)
     assert stamps(planes)[back] == source.now - SECOND // 2 + SECOND // 100
 
+    # A year ahead is another time, not a year of drilling; and a time before 1970 is none.
+    source.now += 365 * 86_400 * SECOND
+    source.until(lambda: "/clock jumped 31536000 s ahead: the drill restarts" in drill.output)
+    source.until(lambda: stamps(statuses[-1:])[0] == source.now)
+    source.run(SECOND // 2)
+    source.until(lambda: stamps(planes[-1:])[0] == source.now)
+    source.now = -5 * SECOND
+    source.until(lambda: "/clock = -5 s is outside its range [0, 2147483647] s" in drill.output)
+
+    # Whose time it is must be clear.
+    client.node.create_publisher(Clock, "/clock", 1)
+    client.until(lambda: "/clock has 2 publishers, " in drill.output)
+
 
 def test_a_signal_ends_it_while_it_waits(drill):
     drill.terminate()

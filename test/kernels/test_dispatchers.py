@@ -4,6 +4,7 @@ Each test compiles a package of two functions in processes of its own.
 """
 
 import os
+import pickle
 import shutil
 import stat
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import rpud_sim
+from rpud_sim.kernels.store import KernelStore
 
 pytestmark = pytest.mark.extended
 
@@ -103,6 +105,14 @@ def test_kernels_serve_a_read_only_copy_elsewhere_with_other_times(package, tmp_
         os.utime(path, (1, 1))
         path.chmod(path.stat().st_mode & ~0o222)
     assert run(elsewhere, HOME="/nonexistent", XDG_CACHE_HOME="") == LOADED
+
+
+def test_a_whole_file_that_is_no_kernel_is_compiled_again(package):
+    assert run(package) == COMPILED
+    [file] = (package / "kernels").iterdir()
+    KernelStore([file.parent]).write(file.name, pickle.dumps(("machine code",)))
+    assert run(package) == COMPILED
+    assert run(package) == LOADED
 
 
 def test_a_changed_source_is_never_served_by_the_former_kernel(package):

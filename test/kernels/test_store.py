@@ -1,11 +1,13 @@
 """Files of kernels: whole or not used, and in the first folder that can be written to."""
 
+import grp
 import os
 import pickle
-from pathlib import Path
+import pwd
 
 import pytest
 
+from rpud_sim.kernels import store as store_module
 from rpud_sim.kernels.store import (
     BASELINE,
     BASELINE_FEATURES,
@@ -48,15 +50,15 @@ def test_a_file_that_is_cut_short_or_changed_is_not_used(store):
 
 def belongs(monkeypatch, strange, **changed):
     """Let a path have another owner or group, which only root could give it."""
-    stat = Path.stat
+    fstat, inode = os.fstat, strange.stat().st_ino
 
-    def changed_stat(path, **how):
-        its = stat(path, **how)
+    def changed_fstat(descriptor):
+        its = fstat(descriptor)
         fields = ("st_mode", "st_ino", "st_dev", "st_nlink", "st_uid", "st_gid", "st_size")
         values = [changed.get(name, getattr(its, name)) for name in fields]
-        return os.stat_result((*values, 0, 0, 0)) if path == strange else its
+        return os.stat_result((*values, 0, 0, 0)) if its.st_ino == inode else its
 
-    monkeypatch.setattr(Path, "stat", changed_stat)
+    monkeypatch.setattr(os, "fstat", changed_fstat)
 
 
 @pytest.mark.parametrize("strange", ["folder", "file"])
@@ -76,9 +78,69 @@ def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(
         assert store.write(NAME, pickle.dumps("mine")) is None
 
 
-def test_what_another_user_owns_is_not_read(store, monkeypatch):
-    belongs(monkeypatch, store.write(NAME, pickle.dumps("machine code")), st_uid=54321)
+@pytest.mark.parametrize("above", [0, 1, 2])
+def test_what_another_user_owns_or_what_is_below_it_is_not_read(store, monkeypatch, above):
+    file = store.write(NAME, pickle.dumps("machine code"))
+    path = (file, *file.parents)[above]
+    belongs(monkeypatch, path, st_uid=54321)
     assert store.read(NAME) is None
+    where = path if above == 2 else "it"
+    used = file if above == 0 else file.parent
+    assert store.refused == f"{used} is not used, because other users may write {where}"
+    assert (store.place() is None) == (above > 0)
+
+
+def test_below_a_folder_that_all_may_write_only_a_sticky_one_is_used(store, tmp_path):
+    file = store.write(NAME, pickle.dumps("machine code"))
+    tmp_path.chmod(0o777)
+    assert store.read(NAME) is store.write(NAME, b"") is store.place() is None
+    assert file.stat().st_size > 32
+    tmp_path.chmod(0o1777)
+    assert store.read(NAME) == "machine code"
+    assert KernelStore([tmp_path / "new" / "kernels"]).write(NAME, b"") is not None
+
+
+def test_a_folder_that_is_replaced_after_the_check_is_not_read(store, monkeypatch):
+    file = store.write(NAME, pickle.dumps("machine code"))
+    folder = file.parent
+    check = store_module._others_may_write
+
+    def replace(its):
+        if its.st_ino == file.parent.stat().st_ino:
+            monkeypatch.setattr(store_module, "_others_may_write", check)
+            folder.rename(folder.with_name("checked"))
+            KernelStore([folder]).write(NAME, pickle.dumps("forged"))
+        return check(its)
+
+    monkeypatch.setattr(store_module, "_others_may_write", replace)
+    assert store.read(NAME) == "machine code"
+    assert store.read(NAME) == "forged"
+
+
+def test_a_fifo_a_link_and_what_cannot_be_unpickled_are_not_read(store, tmp_path):
+    file = store.write(NAME, pickle.dumps("machine code"))
+    whole = file.rename(tmp_path / "whole")
+    file.symlink_to(whole)
+    assert store.read(NAME) is None
+    file.unlink()
+    os.mkfifo(file)
+    assert store.read(NAME) is None
+    assert store.refused == f"{file} is not used, because it is no regular file"
+    file.unlink()
+    store.write(NAME, b"cbuiltins\nint\n(S'x'\ntR.")
+    assert store.read(NAME) is None
+    assert store.refused.startswith(f"{file} is not used: ValueError")
+
+
+def test_the_group_that_a_user_has_alone_is_the_user(monkeypatch):
+    user = pwd.struct_passwd(("ann", "x", os.getuid(), 12345, "", "", ""))
+    monkeypatch.setattr("pwd.getpwuid", lambda _: user)
+    for name, members, ours in (("ann", [], True), ("ann", ["bob"], False), ("all", [], False)):
+        its = grp.struct_group((name, "x", 12345, members))
+        monkeypatch.setattr("grp.getgrgid", lambda _, its=its: its)
+        store_module._has_no_other_member.cache_clear()
+        assert store_module._has_no_other_member(12345) is ours
+    store_module._has_no_other_member.cache_clear()
 
 
 def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):
@@ -91,11 +153,10 @@ def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):
 
 
 def test_no_part_of_a_file_is_left_when_the_disk_is_full(store, monkeypatch):
-    def full(path, data):
-        path.touch()
+    def full(*arguments, **options):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    monkeypatch.setattr("os.replace", full)
     assert store.write(NAME, pickle.dumps(1)) is None
     assert not list(store.folders[1].iterdir())
 

@@ -186,6 +186,33 @@ def test_a_missing_entry_leaves_the_run_undecided_after_it(bag, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("number", "reason"),
+    [
+        (7, "entries 2 to 6 of the journal are missing"),
+        (0, "entry 0 of the journal comes after entry 1"),
+    ],
+)
+def test_an_end_with_another_number_proves_nothing(bag, tmp_path, number, reason):
+    def edit(fields, content):
+        if fields["kind"] == "end":
+            fields["sequence"] = number
+
+    path = altered(bag, tmp_path / "bag", edited(edit))
+    assert verify(path).undecided == f"cannot be decided: {JOURNAL}: {reason}"
+
+
+def test_nothing_follows_the_end_of_a_run(bag, tmp_path):
+    def doubled(message):
+        if b"end" not in message.data or message.topic != JOURNAL:
+            return [message.data]
+        fields = to_plain(CODEC.decode(message.data))
+        return [message.data, CODEC.encode({**fields, "sequence": fields["sequence"] + 1})]
+
+    found = verify(altered(bag, tmp_path / "bag", doubled))
+    assert (found.proved, "comes after the end, entry " in found.undecided) == (False, True)
+
+
+@pytest.mark.parametrize(
     ("edit", "field"),
     [
         (lambda fields: fields["header"]["stamp"].update(nanosec=7), "header.stamp"),

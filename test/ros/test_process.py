@@ -41,6 +41,30 @@ def wheels_are_installed():
         return False
 
 
+@pytest.mark.parametrize(
+    ("variables", "reason"),
+    [
+        ({}, "HOME is not set"),
+        ({"HOME": "/dev/null"}, "/dev/null/.ros/log: Not a directory"),
+        ({"HOME": "/dev/null", "ROS_HOME": "~/r"}, "/dev/null/r/log: Not a directory"),
+        ({"ROS_LOG_DIR": "/dev/null/log"}, "/dev/null/log: Not a directory"),
+        ({"ROS_LOG_DIR": "HERE/log"}, ""),
+    ],
+)
+def test_ros_starts_without_a_folder_for_its_log_and_says_so_in_one_line(
+    tmp_path, variables, reason
+):
+    here = {name: each.replace("HERE", str(tmp_path)) for name, each in variables.items()}
+    own = {k: v for k, v in os.environ.items() if k not in ("HOME", "ROS_HOME", "ROS_LOG_DIR")}
+    script = "from rpud_sim.ros.process import start_ros; start_ros()"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=own | here, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (0, "")
+    line = f"[rpud_sim]: no log file: {reason}; ROS_LOG_DIR names a folder\n"
+    assert done.stderr.partition(" ")[2].partition(" ")[2] == (line if reason else "")
+
+
 @pytest.mark.extended
 @pytest.mark.skipif(not wheels_are_installed(), reason="an installed ROS has DDS-Security")
 @pytest.mark.parametrize("name", commands(Path()))

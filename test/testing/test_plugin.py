@@ -117,6 +117,35 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
     }
 
 
+def test_undecided_is_an_error_of_every_reporter(pytester):
+    pytester.makeconftest("""
+        import pytest
+
+        @pytest.hookimpl(wrapper=True)
+        def pytest_runtest_makereport(item, call):
+            report = yield
+            print(f"REPORT {report.when} {report.outcome}")
+            return report
+    """)
+    pytester.makepyfile("""
+        import pytest
+        from rpud_sim.testing import ExpectationUndecidedError
+
+        def test_a():
+            raise ExpectationUndecidedError("nobody knows", ())
+
+        @pytest.mark.xfail
+        def test_b():
+            raise ExpectationUndecidedError("nobody knows", ())
+    """)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-s", "-rA")
+    result.assert_outcomes(errors=1, xfailed=1)
+    reports = [line.split()[-2:] for line in result.outlines if "REPORT" in line]
+    assert reports[:3] == [["setup", "passed"], ["setup", "failed"], ["teardown", "passed"]]
+    assert reports[4] == ["setup", "skipped"]
+    result.stdout.fnmatch_lines(["ERROR *::test_a - *"])
+
+
 def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(pytester):
     pytester.makepyfile("""
         import pytest

@@ -99,3 +99,5 @@ def test_what_another_program_wrote_is_named_and_harms_nothing():
         commands.add(2.0, "flush", content)
     commands.add(3.0, "new_thing", {})
     assert texts(commands) == ["a run begins", "weight_on_bit", "new thing"]
+    commands.add(4.0, 100_000 * "long", {})
+    assert max(map(len, commands._last)) == len(texts(commands)[-1]) == 160

@@ -74,6 +74,15 @@ def answer(server, path="/screen", **headers):
     return response, body if "Content-Encoding" in response.headers else body.decode()
 
 
+def test_every_address_of_this_machine_alone_answers_as_it_is_printed(store):
+    with serving(store, address="127.0.0.2") as running:
+        assert running.url("/screen").startswith("http://127.0.0.2:")
+        connection = http.client.HTTPConnection("127.0.0.2", running.port)
+        connection.request("GET", "/screen")
+        assert connection.getresponse().status == 200
+        connection.close()
+
+
 @pytest.mark.parametrize("path", ["/", "/screen", "/share/screen.js", "/frames"])
 def test_another_origin_and_another_host_are_refused(server, path):
     for host in ("[", "evil.example", "evil.example:80", "", "[::1"):

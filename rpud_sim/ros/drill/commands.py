@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from rpud_sim.drilling.mount import POSITION, RATE
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import LONGEST_NAME, ParameterError, Text, cut
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.ros.endpoints import SequenceGaps, taken
@@ -36,6 +36,8 @@ COMMAND_QOS = QoSProfile(depth=1000)  # reliable
 
 _FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 _PASSIVE = (*JOINTS, ROTATION_JOINT)
+
+_FRAME = Text("frame of a command", "a name", LONGEST_NAME)
 
 _LOGGED_PER_SECOND = 10
 _MOST_RESULTS = 1000  # that wait to be published: more are counted only
@@ -99,10 +101,13 @@ _CONVERSIONS: Mapping[str, Callable[[Any], Command | None]] = {
 
 
 def result_of(kind: str, header: Header | None = None) -> Fields:
-    """Return the fields of the ``rpud_msgs/CommandResult`` of a command, before there is one."""
+    """Return the fields of the ``rpud_msgs/CommandResult`` of a command, before there is one.
+
+    Results are kept: a longer frame than is allowed is cut off.
+    """
     header = header or Header()  # of a malformed command
     stamp = {"sec": header.stamp.sec, "nanosec": header.stamp.nanosec}
-    named = {"stamp": stamp, "frame_id": header.frame_id}
+    named = {"stamp": stamp, "frame_id": cut(header.frame_id, LONGEST_NAME)}
     return {"kind": kind, "header": named, "accepted": False, "reason": ""}
 
 
@@ -156,6 +161,7 @@ class Inbox:
 
     def refuse(self, result: Fields, reason: str) -> None:
         """Count an invalid command, and log why."""
+        reason = cut(reason)
         with self._counting:
             self.rejected += 1
             self._results.append({**result, "reason": reason})
@@ -166,7 +172,7 @@ class Inbox:
         """Count a service's request that is refused, and log why."""
         with self._counting:
             self.requests_refused += 1
-            self._log("request", reason)
+            self._log("request", cut(reason))
 
     def drain(self) -> list[Command]:
         """Return the waiting commands in order, and count them as accepted."""
@@ -268,6 +274,7 @@ class CommandTopic:
             return
         try:
             result = result_of(self._name, message.header)
+            _FRAME.check(f"{self._name}: frame_id", message.header.frame_id)
             # None first: the hardware interface publishes while no controller commands.
             if (command := self._convert(message)) is not None:
                 self._check(command, message.header.stamp)

@@ -15,6 +15,7 @@ from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.timeline import Pacer
+from rpud_sim.ros.graph import ClockSources
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
@@ -166,6 +167,7 @@ class StatusReporter:
         self._publishers = publishers
         self._inbox = inbox
         self._duplicates = duplicates
+        self._sources = ClockSources(node)
         self._command_topics = [
             [node.resolve_topic_name(topic) for topic in topics] for topics in _COMMAND_TOPICS
         ]
@@ -289,6 +291,7 @@ class StatusReporter:
     def _measure(self, pacer: Pacer) -> None:
         """Take what is of the time since the full report before."""
         self._due = time.monotonic_ns() + round(REPORT_PERIOD * SECOND)
+        self._sources.look()
         self._count()
         self._figures = self._interval.figures()
         self._totals.merge(self._interval)

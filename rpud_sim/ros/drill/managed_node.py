@@ -25,6 +25,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rosgraph_msgs.msg import Clock
 
 from rpud_sim.foundation.quantities import (
     Declaration,
@@ -65,6 +67,27 @@ class ManagedNode(LifecycleNode):
                 return srv_type.Response()
 
         return super().create_service(srv_type, srv_name, answer, **options)
+
+    def create_subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callable[..., Any],
+        *arguments: Any,
+        **options: Any,
+    ) -> Subscription:
+        """Create a subscription; that of ROS time rejects a time that ROS does not allow."""
+        if msg_type is not Clock:
+            return super().create_subscription(msg_type, topic, callback, *arguments, **options)
+
+        def checked(message: Clock) -> None:
+            seconds = message.clock.sec
+            if seconds < 0:
+                self.refuse_request(f"{topic} = {seconds} s is outside its range [0, 2147483647] s")
+            else:
+                callback(message)
+
+        return super().create_subscription(msg_type, topic, checked, *arguments, **options)
 
     def destroy_node(self) -> None:
         """Destroy the node, with the topic of its transitions, which rclpy leaves in the graph."""

@@ -161,9 +161,9 @@ class Session:
         return _STANDSTILL_PERIOD
 
     def follow_clock(self) -> None:
-        """Restart where another's ``/clock`` has gone back."""
-        if self.timeline.source.went_back:
-            self._logger.warning("/clock went back: the drill restarts")
+        """Restart where another's ``/clock`` has jumped."""
+        if jump := self.timeline.source.jumped:
+            self._logger.warning(f"/clock {jump}: the drill restarts")
             self.reset(time=True, state=True)
 
     def advance(self, until: int) -> tuple[list[Encoded], list[int]]:

@@ -20,6 +20,8 @@ from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.topics import Fields
 
 LONGEST_STEP = 1e6  # [s]; longer than any mission
+# Between two ticks of another's ``/clock``, as far as its time goes on: more is another time [s].
+LONGEST_TICK = 10.0
 # A block is computed this long before its deadline, or right after the block before [s]. Requests
 # and parameters wait for its end from then on: with a longer lead services would answer late.
 LEAD = 0.01
@@ -55,7 +57,9 @@ class TimeSource:
         self.follows = simulated and not publishes
         # The time that a schedule follows [ns]; None for the monotonic clock.
         self.schedule = self._now if self.follows else None
-        self.went_back = False  # whether another's ``/clock`` did, since the latest origin
+        # How another's ``/clock`` has jumped since the latest origin; empty if it has not.
+        self.jumped = ""
+        self._latest = 0  # time of its last tick [ns]
         self._jumps = None
         if self.follows:
             every = JumpThreshold(
@@ -74,7 +78,7 @@ class TimeSource:
 
     def origin(self, time: int = 0, own: int = 0) -> int:
         """Return the stamp of time zero for a time now [ns]; ``own`` of a source of the clock."""
-        self.went_back = False
+        self.jumped = ""
         return own if self._publishes else self._now() - time
 
     def close(self) -> None:
@@ -86,7 +90,12 @@ class TimeSource:
         return int(self._clock.now().nanoseconds)
 
     def _on_jump(self, jump: TimeJump) -> None:
-        self.went_back |= jump.delta.nanoseconds < 0
+        before, self._latest = self._latest, self._now()
+        ahead = (self._latest - before) / SECOND
+        if jump.delta.nanoseconds < 0:
+            self.jumped = self.jumped or "went back"
+        elif before and ahead > LONGEST_TICK:
+            self.jumped = self.jumped or f"jumped {ahead:.9g} s ahead"
         self._notify()
 
 

@@ -14,13 +14,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
-from rpud_sim.ros.graph import node_name
-from rpud_sim.ros.record.recorder_node import Recorder, is_damaged
+from rpud_sim.ros.graph import STATUS, node_name
+from rpud_sim.ros.record.recorded_topic import is_damaged
+from rpud_sim.ros.record.recorder_node import Recorder
 
 if TYPE_CHECKING:
     from rpud_msgs.msg import JournalEntry
 
-_STATUS = "rpud_msgs/msg/Status"
 _JOURNAL = "rpud_msgs/msg/JournalEntry"
 _SERVICE = "rpud_msgs/srv/GetJournal"
 _REPETITION = 1.0  # of a request: a server drops the response for a client that it does not know
@@ -45,7 +45,7 @@ class ParameterQuery:
     def discover(self) -> None:
         """Find new drills, and begin to ask them."""
         for topic, types in self._node.get_topic_names_and_types():
-            if _STATUS not in types or not self._node.wants_drill(topic):
+            if STATUS not in types or not self._node.wants_drill(topic):
                 continue
             for endpoint in self._node.get_publishers_info_by_topic(topic):
                 publisher = tuple(endpoint.endpoint_gid)

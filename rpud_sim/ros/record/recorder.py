@@ -59,7 +59,8 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
     ) as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": str(options.max_loss)})
         writing = WritingThread(
-            intake, bag, options.max_loss, stop.request, options.max_disk, options.min_free
+            *(intake, bag, options.max_loss, stop.request, options.max_disk, options.min_free),
+            node.clock,
         )
         writing.start()
         began = time.monotonic()
@@ -75,6 +76,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             query.finish()
             journals.finish(_JOURNAL_TIME)
         finally:
+            ticked = node.clock.finish()
             intake.close()
             writing.join()
         if writing.error is not None:
@@ -90,7 +92,11 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         )
     if writing.refusal:
         return RecordResult(text, f"stopped with a whole bag: {writing.refusal}")
-    return RecordResult(text, failure(node, allow_empty=options.allow_empty))
+    reason = failure(node, allow_empty=options.allow_empty)
+    if not ticked:
+        lacking = "nothing came on /clock, so log times are of this machine's clock"
+        reason = "; ".join(filter(None, [reason, lacking]))
+    return RecordResult(text, reason)
 
 
 def _collect(
@@ -109,7 +115,8 @@ def _collect(
     while not stop.requested:
         now = time.monotonic()
         if now >= follow_at:
-            follow_at = now + (_GRAPH_PERIOD if ready else _FIRST_GRAPH_PERIOD)
+            rests = ready and (node.clock.decided or not node.taken)
+            follow_at = now + (_GRAPH_PERIOD if rests else _FIRST_GRAPH_PERIOD)
             new_losses = node.losses
             if new_losses != losses and any(each.total != 0 for each in new_losses.values()):
                 losses = new_losses  # into the bag now: a crash would cost those at its end
@@ -161,7 +168,8 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
         f"recorded {bag.message_count} messages on {len(node.topics)} topics in {seconds:.1f} s "
         f"({bag.size / 1e6:.2f} MB{files}) to {bag.path}"
     ]
-    lines += [text for name, losses in sorted(node.losses.items()) for text in _lost(name, losses)]
+    for name, losses in sorted(node.losses.items()):
+        lines += _lost(name, losses, node.topics[name].unknown)
     lines += [
         f"subscribed {name} again {topic.renewals} times, in case a publisher was not connected"
         for name, topic in sorted(node.topics.items())
@@ -173,7 +181,7 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
     return "\n".join(map(printable, lines))
 
 
-def _lost(name: str, losses: Losses) -> list[str]:
+def _lost(name: str, losses: Losses, unknown: str) -> list[str]:
     known = {
         "on the way": losses.transport or 0,
         "for which the queue (--max-cache-size) had no room": losses.queue,
@@ -182,7 +190,8 @@ def _lost(name: str, losses: Losses) -> list[str]:
     causes = [f"{count} {what}" for what, count in known.items() if count]
     lines = [f"lost {sum(known.values())} messages on {name}: {', '.join(causes)}"] * bool(causes)
     if losses.total is None:
-        lines.append(f"losses on {name} are unknown: the middleware does not number messages")
+        reason = unknown or "the middleware does not number messages"
+        lines.append(f"losses on {name} are unknown: {reason}")
     return lines
 
 

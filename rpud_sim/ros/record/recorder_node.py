@@ -6,18 +6,17 @@ import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
-from enum import Enum
 from math import inf
 from operator import attrgetter
 from typing import Any
 
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 try:
@@ -25,26 +24,23 @@ try:
 except ImportError:  # other messages are recorded without ours
     IsPaused = None
 
-from rpud_sim.bag import BagError, BagWriter, Message, Topic
-from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.metadata import Losses
-from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.endpoints import FollowedTopic, taken
-from rpud_sim.ros.graph import UnknownTypeError, message_class
+from rpud_sim.foundation.time import join_seconds
+from rpud_sim.ros.endpoints import taken
+from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, node_name
 from rpud_sim.ros.options import RecordOptions
+from rpud_sim.ros.record.log_clock import LogClock
+from rpud_sim.ros.record.recorded_topic import PROCESS, RecordedTopic
 from rpud_sim.ros.record.writing import Intake
 
-# Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
-RECORDING_DEPTH = 10_000
-
-_ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
-_MATCHING = 3.0  # s in which a publisher that was found should be connected
-_DISCOVERY = 3.5  # s in which every publisher is found; the middleware announces itself every 3 s
-_LATEST = 2**63 - 1  # in a bag [ns since the epoch]
-_AWAY = 86_400_000_000_000  # that our clock may be set while a message waits [ns]
 _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
+_DOUBT = 0.5  # between two calls, in which a publisher may have left with its last messages [s]
+_UNDECIDED = 0.2  # after the first message, in which a drill is found [s]
+_TICKS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LEASE = 25.0  # after which the middleware has forgotten a process that was killed [s]
 _STANDSTILL = 2.0  # between two calls, after which publishers may have dropped the recorder [s]
 _SILENCE = 3.0  # after it, in which a connected publisher should send something [s]
 _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove nothing [s]
@@ -60,124 +56,6 @@ _ACTIONS: dict[str, Callable[[Intake], None]] = {
     "split_bagfile": lambda intake: intake.do(BagWriter.split),
 }
 _TEXTS = {"split_bagfile": "goes on in a new file"}
-
-
-class RecordedTopic(FollowedTopic):
-    """Topic of one type, with counts of its received, lost and damaged messages."""
-
-    def __init__(self, node: Node, name: str, type_name: str) -> None:
-        self.type = type_name
-        super().__init__(node, name, message_class(type_name), RECORDING_DEPTH)
-        self.declared = False  # whether the bag has its declaration
-        self.further_types: set[str] = set()  # of the topic, which are not recorded
-        self.damaged = 0  # messages that were damaged
-        self.renewals = 0  # subscriptions that were renewed as a publisher was silent
-        self._numbered = True  # whether the middleware numbers messages
-        self._uncounted = 0  # damaged messages whose numbers are a gap in the next ones
-        self._latest: dict[tuple[int, int | None, int], None] = {}
-        # By the monotonic clock [s]: when every publisher that was there is known, and when as many
-        # as are known should be connected.
-        self._settled_at = time.monotonic() + _DISCOVERY
-        self._matched_by = inf
-
-    def losses(self, refused: int) -> Losses:
-        """Return the losses; ``refused`` are messages that did not fit into the queue."""
-        return Losses(self.gaps.missing if self._numbered else None, refused, self.damaged)
-
-    def follow(self) -> str:
-        """Look at the publishers; return why to subscribe again because of them, or ""."""
-        now = time.monotonic()
-        if self._has_another_offer():
-            return "its publishers offer something else"
-        if not self.endpoints:
-            # Those that come from now on are new: their first messages, before they know the
-            # subscription, are lost.
-            if now >= self._settled_at and not self.latched:
-                self.gaps.from_first = True
-        elif self.subscription.handle.get_publisher_count() >= len(self._offers):
-            self._matched_by = inf
-        elif now >= self._matched_by:
-            self.renewals += 1
-            return "a publisher that is there was not connected"
-        elif self._matched_by == inf:
-            self._matched_by = now + _MATCHING * 2 ** min(self.renewals, 5)
-        return ""
-
-    def renew(self) -> None:
-        super().renew()
-        self._matched_by = inf
-
-    def declaration(self, *, received: bool) -> tuple[Topic, str | None]:
-        """Return the topic and its definition for the bag; ``received`` if it has had a message."""
-        endpoints = self._publishers() or self.endpoints
-        offers = [endpoint.qos_profile for endpoint in endpoints]
-        if received and not offers:
-            # Its publisher is gone already; it offered at least what was requested.
-            offers = [self.request]
-        hashes = [str(endpoint.topic_type_hash) for endpoint in endpoints]
-        topic = Topic(
-            name=self.name,
-            type=self.type,
-            type_hash=hashes[0] if hashes else self._find(find_type_hash) or "",
-            offered_qos=tuple(map(recorded_profile, offers)),
-        )
-        return topic, self._find(find_definition)
-
-    def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
-        """Return the message, None if damaged or repeated; ``counts`` makes a gap a loss."""
-        log_time = info["received_timestamp"] or time.time_ns()
-        publish_time, number = info["source_timestamp"], info["publication_sequence_number"]
-        if is_damaged(data, log_time, publish_time):
-            self.damaged += 1
-            self._uncounted += 1
-            return None
-        if self.latched:
-            key = publish_time, number, hash(data)  # publishers may have no clock
-            if key in self._latest:
-                return None
-            self._latest[key] = None
-            if len(self._latest) > RECORDING_DEPTH:
-                del self._latest[next(iter(self._latest))]
-        self.received_at = time.monotonic()
-        self._numbered = self._numbered and number is not None
-        before = self.gaps.missing
-        self.gaps.record(number)
-        if not counts:
-            self.gaps.missing = before
-        elif found := self.gaps.missing - before:
-            self.gaps.missing -= min(found, self._uncounted)
-            self._uncounted = 0
-        return Message(self.name, log_time, publish_time, data)
-
-    def _publishers(self) -> list[TopicEndpointInfo]:
-        return [each for each in super()._publishers() if each.topic_type == self.type]
-
-    def _find(self, find: Callable[[str], str]) -> str | None:
-        try:
-            return find(self.type)
-        except BagError as error:
-            self._node.get_logger().warning(f"{error}; the bag lacks it")
-            return None
-
-
-def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
-    """Return whether these cannot be a message and its times [ns since the epoch].
-
-    Shared memory that a killed process has left behind gives such messages.
-    """
-    received_about_now = abs(log_time - time.time_ns()) <= _AWAY
-    return len(data) < _ENCAPSULATION or not (received_about_now and 0 <= publish_time <= _LATEST)
-
-
-def recorded_profile(profile: QoSProfile) -> RecordedProfile:
-    """Return a QoS as a bag holds it: names of policies, durations in ns."""
-    values = {field.name: getattr(profile, field.name) for field in fields(RecordedProfile)}
-    for name, value in values.items():
-        if isinstance(value, Enum):
-            values[name] = value.name.lower()
-        elif isinstance(value, Duration):
-            values[name] = value.nanoseconds
-    return RecordedProfile(**values)
 
 
 class Recorder(Node):
@@ -198,10 +76,17 @@ class Recorder(Node):
         self.skipped: dict[str, str] = {}
         self.taken = 0  # messages that were received
         self.suppressed = 0  # errors that data from the network raised
+        self.clock = LogClock()
+        if options.use_sim_time:
+            self.clock.use_simulation()
+        self._ticks: Subscription | None = self.create_subscription(
+            Clock, CLOCK, lambda _: None, _TICKS, raw=True
+        )
+        self._begun_at = inf  # when the first message came, by the monotonic clock [s]
         self._batch: list[Message] = []
         self._end = inf  # of the recording [ns since the epoch]
-        # By the monotonic clock [s]: the last reception, and the end of the latest standstill.
-        self._received_at, self._stood_still = inf, inf
+        # By the monotonic clock [s]: the last call, and the end of the latest standstill.
+        self._called_at = self._stood_still = self._resumed_at = inf
         # ``serve`` takes the requests, so nothing ever calls the callback.
         self._servers: dict[str, Any] = {
             name: self.create_service(kind, f"~/{name}", lambda _, response: response)
@@ -246,8 +131,9 @@ class Recorder(Node):
             return False
         if name in self._named:
             return True
-        # Tokens that begin with an underscore are hidden, as those of actions and services are.
-        if "/_" in name:
+        # Tokens that begin with an underscore are hidden, as those of actions and services are; not
+        # those of the namespace, which somebody has named.
+        if "/_" in f"/{name.removeprefix(self._prefix)}":
             return False
         if options.everything:
             return True
@@ -261,6 +147,7 @@ class Recorder(Node):
 
     def discover(self) -> bool:
         """Subscribe to wanted topics that have appeared or changed; return whether some are new."""
+        self._note_standstill()
         known = len(self.topics) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
             if self.wants(name) and name not in self.skipped:
@@ -269,6 +156,8 @@ class Recorder(Node):
             with self.guard(f"what is known of {topic.name}"):
                 if reason := topic.follow():
                     self._renew(topic, reason)
+        self._believe()
+        self._choose_clock()
         if time.monotonic() >= self._stood_still + _SILENCE:
             # A publisher that dropped us meanwhile sends nothing more, yet seems connected here.
             for topic in self.topics.values():
@@ -280,12 +169,12 @@ class Recorder(Node):
 
     def receive(self) -> float:
         """Hand messages to the intake; return the time up to which it has all [ns], or inf."""
-        now = time.monotonic()
-        if now - self._received_at >= _STANDSTILL:
-            self._stood_still = now
-            self.get_logger().warning(f"it stood still for {now - self._received_at:.1f} s")
-        self._received_at = now
+        self._note_standstill()
         began, done = time.time_ns(), inf
+        for data, info in taken(self._ticks) if self._ticks is not None else ():
+            with self.guard(f"a message of {CLOCK}"):
+                tick = deserialize_message(data, Clock).clock
+                self.clock.add(info["received_timestamp"], join_seconds(tick.sec, tick.nanosec))
         for topic in self.topics.values():
             with self.guard(f"a message of {topic.name}"):
                 done = min(done, self._receive(topic))
@@ -308,8 +197,54 @@ class Recorder(Node):
     def finish(self) -> None:
         """Hand over the last messages, and declare silent topics."""
         self._hand_over(len(self._batch))
+        self._believe()
         for topic in self.topics.values():
             self._declare(topic, received=False)
+            topic.settle()
+
+    def _choose_clock(self) -> None:
+        """Take the clock of a drill that is the source of ``/clock``, else the machine's."""
+        if self.clock.decided or self._ticks is None:
+            return
+        drills = {
+            node_name(each)
+            for topic, types in self.get_topic_names_and_types()
+            if STATUS in types and self.wants_drill(topic)
+            for each in self.get_publishers_info_by_topic(topic)
+        }
+        sources = {node_name(each) for each in self.get_publishers_info_by_topic(CLOCK)}
+        if found := sorted(filter(None, drills & sources)):
+            self.clock.use_simulation()
+            self.get_logger().info(f"log times are those of {CLOCK}, which {found[0]} publishes")
+        elif self.taken:
+            self._begun_at = min(self._begun_at, time.monotonic())
+            if time.monotonic() >= self._begun_at + _UNDECIDED:
+                self.clock.use_machine()
+                self.destroy_subscription(self._ticks)
+                self._ticks = None
+
+    def _note_standstill(self) -> None:
+        now, before = time.monotonic(), self._called_at
+        self._called_at = now
+        if now - before >= _DOUBT:
+            self._resumed_at = now
+            for topic in self.topics.values():
+                topic.doubt()
+        if now - before >= _STANDSTILL:
+            self._stood_still = now
+            self.get_logger().warning(f"it stood still for {now - before:.1f} s")
+
+    def _believe(self) -> None:
+        """Look whose publishers live on since the recorder stood still."""
+        long_ago = time.monotonic() >= self._resumed_at + _LEASE
+        living = {
+            publisher[:PROCESS]
+            for topic in self.topics.values()
+            for publisher in topic.doubted
+            if topic.heard_again or long_ago
+        }
+        for topic in self.topics.values():
+            topic.believe(living)
 
     def serve(self) -> None:
         """Do what services were asked for, and answer."""

@@ -12,6 +12,7 @@ from contextlib import suppress
 
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.ros.options import RecordOptions
+from rpud_sim.ros.record.log_clock import LogClock
 
 Item = Message | Callable[[BagWriter], object]
 
@@ -110,8 +111,10 @@ class WritingThread(threading.Thread):
         on_end: Callable[[], None],
         max_disk: int | None = None,
         min_free: int = RecordOptions.min_free,
+        clock: LogClock | None = None,
     ) -> None:
         super().__init__(name="bag writer")
+        self._clock = clock  # of the log times; None for that of the machine
         # why writing failed, None unless it did; the rest of the queue is left then
         self.error: Exception | None = None
         # why there was no room for a message, empty unless that happened; neither that
@@ -137,6 +140,8 @@ class WritingThread(threading.Thread):
             self._on_end()
 
     def _write(self) -> None:
+        if self._clock is not None:
+            self._clock.wait()
         flush_at = time.monotonic() + self._period
         while True:
             with suppress(queue.Empty):
@@ -160,7 +165,8 @@ class WritingThread(threading.Thread):
                 return
             if self._oldest is None:
                 self._oldest = item.log_time
-            self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
+            logged = item.log_time if self._clock is None else self._clock.at(item.log_time)
+            self._bag.write(item.topic, item.data, logged, item.publish_time)
 
     def _refuse(self, size: int) -> str:
         """Return why a message of this size [bytes] has no room, or ""."""

@@ -99,7 +99,9 @@ class Playback:
     """Publishes messages at times that can be paused, stepped, sped up and moved.
 
     ``read`` opens the messages from a time of the bag [ns] on, up to the last to be played;
-    ``span`` has the first and last time. One thread plays, by ``run``; others reach it by ``do``.
+    ``span`` has the first and last time. ``latched`` reads the last messages of latched topics
+    before a time, which a subscriber would have then. One thread plays, by ``run``; others reach
+    it by ``do``.
     """
 
     def __init__(
@@ -110,8 +112,9 @@ class Playback:
         outputs: Outputs,
         clock: Callable[[], int] = time.monotonic_ns,
         interrupted: Callable[[], bool] = lambda: False,
+        latched: Callable[[int], Iterable[Message]] = lambda position: (),
     ) -> None:
-        self._read = read
+        self._read, self._latched = read, latched
         self._first, self._last = span
         self._loop = options.loop
         # Period of the messages on ``/clock`` [ns of real time]; None for none.
@@ -264,8 +267,13 @@ class Playback:
         self._from, self._since = self.position, max(self._clock(), self._since)
 
     def _go(self, position: int, pause: int = 0) -> None:
-        """Read from a position on, and be there after a pause."""
+        """Read from a position on, and be there after a pause; first give what is latched there."""
         self.close()
+        try:
+            for message in self._latched(position):
+                self._outputs.publish(message, hurried=True)
+        except Exception as error:  # as in ``_take``
+            self._failure = error
         self._messages = self._read(position)
         self._take()
         self._from, self._since = position, self._clock() + pause
@@ -279,6 +287,8 @@ class Playback:
         """Take the next message; none at the end and after an error of reading."""
         assert self._messages is not None
         self._next = None
+        if self._failure is not None:
+            return
         try:
             self._next = next(self._messages, None)
         except Exception as error:  # it ends the replay, not only the request that led here

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from math import inf
@@ -30,7 +30,7 @@ from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed
 from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
-from rpud_sim.ros.graph import UnknownTypeError, filled, message_class
+from rpud_sim.ros.graph import CLOCK, ClockSources, UnknownTypeError, filled, message_class
 from rpud_sim.ros.options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.replay.playback import Messages, Playback, PlaybackError, read_ahead
@@ -39,11 +39,11 @@ from rpud_sim.ros.threads import quick_switches, raised, serve, settled_memory
 _PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
+_FIRST_WINDOW = 10 * SECOND  # before a position, in which latched messages are looked for [ns]
+_LOOK_PERIOD = 1.0  # between looks at the publishers of /clock [s]
 _ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
 MakeBar = Callable[..., Any]
 """Maker of a progress bar: a ``tqdm`` with a ``title`` and a ``total`` in seconds."""
-CLOCK = "/clock"
-
 # Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more.
 REPLAY_DEPTH = 5_000
 DEPTH_LIMIT = 2**31 - 1  # greatest depth that the middleware accepts
@@ -324,6 +324,7 @@ def _replay(
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=options.wait_for_subscribers)
+    sources, look_at = ClockSources(node), 0.0
     first = bag.start_time + round(options.start * SECOND)
     last = bag.end_time
     if options.duration is not None:
@@ -334,7 +335,12 @@ def _replay(
         duration = None if options.duration is None else last - position + 1
         return read_ahead(bag.messages(list(node.topics), position - bag.start_time, duration))
 
-    playback = Playback(read, (first, last), options, node, interrupted=lambda: stop.requested)
+    def latched(position: int) -> list[Message]:
+        return last_latched(bag, node.topics, position - bag.start_time)
+
+    playback = Playback(
+        read, (first, last), options, node, interrupted=lambda: stop.requested, latched=latched
+    )
     offer_services(node, playback)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -347,6 +353,9 @@ def _replay(
             while not playing.done() and not stop.requested:
                 serve(executor, node.count_failure)
                 _show(playback, first, bar)
+                if options.clock is not None and time.monotonic() >= look_at:
+                    look_at = time.monotonic() + _LOOK_PERIOD
+                    sources.look()
         finally:
             playback.stop()
         playing.result()
@@ -366,6 +375,36 @@ def _replay(
         f"{playback.lateness}{refused}{failures}",
         complete=not node.refused,
     )
+
+
+def last_latched(bag: BagReader, topics: Collection[str], end: int) -> list[Message]:
+    """Return the last messages of latched topics before a time since the bag began [ns].
+
+    There is one for each offer, for several publishers may latch what only together is whole.
+    """
+    wanted = {
+        each.topic.name: deque[Message](maxlen=len(each.topic.offered_qos))
+        for each in bag.topics
+        if each.topic.name in topics
+        and any(offer.durability == "transient_local" for offer in each.topic.offered_qos)
+    }
+    found: list[Message] = []
+    length = _FIRST_WINDOW
+    # Backwards, in windows of growing length: most are found near the end.
+    while wanted and end > 0:
+        start = max(0, end - length)
+        for message in bag.messages(wanted.keys(), start, end - start):
+            if message.log_time < bag.start_time + end:
+                wanted[message.topic].append(message)
+        for name, kept in list(wanted.items()):
+            found += kept
+            lacking = (kept.maxlen or 0) - len(kept)
+            if lacking:
+                wanted[name] = deque(maxlen=lacking)
+            else:
+                del wanted[name]
+        end, length = start, 2 * length
+    return sorted(found, key=lambda each: each.log_time)
 
 
 def _show(playback: Playback, first: int, bar: Any) -> None:

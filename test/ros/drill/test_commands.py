@@ -135,6 +135,16 @@ def test_what_cannot_be_used_is_refused_with_the_reason(commander, topic, values
     assert result["header"]["stamp"]["sec"] == message.header.stamp.sec
 
 
+def test_a_long_frame_is_refused_and_not_kept(commander):
+    message = WeightOnBitMessage(header=Header(frame_id=1000 * "long"))
+    reason = "weight_on_bit: frame_id has 4000 characters; allowed are 256 at most"
+    assert commander.give(message) == reason
+    [result] = commander.inbox.take_results()[1]
+    assert len(result["header"]["frame_id"]) == 256
+    commander.inbox.refuse_request(10_000 * "why")
+    assert len(commander.inbox.last_refusal) == 4096
+
+
 @pytest.mark.parametrize("seconds", [-0.5, 0.0, 0.5, None])
 def test_a_fresh_stamp_and_none_are_taken_and_any_without_a_timeout(commander, seconds):
     late = WeightOnBitMessage(header=stamped(-99.0))

@@ -8,7 +8,7 @@ import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.ros.endpoints import SequenceGaps
-from rpud_sim.ros.record.recorder_node import RecordedTopic, is_damaged
+from rpud_sim.ros.record.recorded_topic import RecordedTopic, is_damaged
 
 NOW = time.time_ns()
 DAY = 86_400_000_000_000

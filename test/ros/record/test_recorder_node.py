@@ -2,18 +2,22 @@
 
 import re
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from rpud_msgs.msg import Status
 from std_msgs.msg import Int32
 from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.ros.options import RecordOptions
-from rpud_sim.ros.record.recorder import failure
+from rpud_sim.ros.record.recorder import failure, summary
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake
 
@@ -47,6 +51,9 @@ def discovered(recorder, count):
 def heard(*publishers, by=1):
     """Wait until each publisher has its subscriptions."""
     until(lambda: all(each.get_subscription_count() == by for each in publishers))
+
+
+BAG = {"file_count": 1, "message_count": 1, "size": 1, "path": "bag"}
 
 
 class Declarations:
@@ -129,6 +136,57 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     assert failure(there, allow_empty=False) == ""
 
 
+@pytest.mark.parametrize("of_drill", [True, False])
+def test_log_times_are_of_the_drill_that_is_the_source_of_clock(peer, nodes, record, of_drill):
+    if not of_drill:
+        nodes.append(rclpy.create_node("other"))
+    talking = peer.create_publisher(Status, "status", RELIABLE)
+    ticking = nodes[-1].create_publisher(Clock, "/clock", RELIABLE)
+    recorder = discovered(record(), 1)
+    heard(talking, ticking)
+    assert not recorder.clock.decided or of_drill
+    talking.publish(Status())
+    ticking.publish(Clock(clock=Time(sec=7)))
+
+    def decided():
+        recorder.discover()
+        recorder.receive()
+        return recorder.clock.decided and (not of_drill or recorder.clock._ticks)
+
+    until(decided)
+    assert recorder.clock.simulated == of_drill
+    assert (recorder.clock.at(time.time_ns()) == 7_000_000_000) == of_drill
+
+
+def test_losses_of_a_publisher_that_leaves_while_the_recorder_stands_still_are_unknown(
+    peer, record
+):
+    leaving = peer.create_publisher(Int32, "leaving", RELIABLE)
+    silent = peer.create_publisher(Int32, "silent", RELIABLE)
+    talking = peer.create_publisher(Int32, "talking", RELIABLE)
+    recorder = discovered(record(), 3)
+    heard(leaving, silent, talking)
+    leaving.publish(Int32(data=1))
+    until(lambda: recorder.receive() and recorder.taken == 1)
+    began = time.monotonic()
+    until(lambda: time.monotonic() > began + 0.6)
+    peer.destroy_publisher(leaving)
+
+    def noticed():
+        talking.publish(Int32(data=2))
+        recorder.receive()
+        recorder.discover()
+        return not recorder.topics["/rpud/silent"].doubted
+
+    until(noticed)
+    assert recorder.topics["/rpud/leaving"].doubted
+    recorder.finish()
+    totals = {name: losses.total for name, losses in recorder.losses.items()}
+    assert totals == {"/rpud/leaving": None, "/rpud/silent": 0, "/rpud/talking": 0}
+    text = "losses on /rpud/leaving are unknown: a publisher left while the recorder stood still"
+    assert text in summary(recorder, SimpleNamespace(**BAG), {}, 1.0)
+
+
 @pytest.mark.extended
 def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, capfd):
     silent = peer.create_publisher(Int32, "silent", LATCHED)
@@ -201,3 +259,11 @@ def test_topics_are_chosen_by_name_expression_or_namespace(record, options, want
     recorder = record(**(options | patterns), namespace="rpud")
     assert set(filter(recorder.wants, NAMES)) == wanted
     assert not recorder.complete
+
+
+@pytest.mark.parametrize("options", [{}, {"regex": re.compile("status")}, {"everything": True}])
+def test_a_hidden_namespace_that_is_named_is_recorded(record, options):
+    recorder = record(**options, namespace="/_drill")
+    assert recorder.wants("/_drill/status")
+    assert not recorder.wants("/_drill/_hidden/status")
+    assert not recorder.wants("/_other/status")

@@ -28,7 +28,9 @@ replay_options = partial(ReplayOptions, bag="bag")
 class Stage:
     """A playback with a clock of its own, and a log of what was published when."""
 
-    def __init__(self, offsets, takes=0, first=START, last=None, **options):
+    def __init__(
+        self, offsets, takes=0, first=START, last=None, latched=lambda position: (), **options
+    ):
         self.now = NOW
         self.sent, self.hurried, self.ticks, self.log = [], [], [], []
         self.takes = takes  # time that publishing takes [ns]
@@ -36,7 +38,9 @@ class Stage:
         self.opened = []
         self.last = last or (self.bag[-1].log_time if self.bag else START)
         self.playback = Playback(
-            self.read, (first, self.last), replay_options(**options), self, lambda: self.now
+            *(self.read, (first, self.last), replay_options(**options), self),
+            lambda: self.now,
+            latched=latched,
         )
         self.playback.begin()
 
@@ -102,6 +106,23 @@ def test_a_seek_goes_anywhere_and_on_from_there(to, paused):
     stage.run(10.0)
     expected = [] if paused else [(at * SECOND, (2.5 + at - to) * SECOND) for at in range(to, 6)]
     assert stage.sent[3:] == close_to(expected)
+
+
+def test_what_is_latched_comes_first_at_the_beginning_and_after_a_seek():
+    asked = []
+
+    def latched(position):
+        asked.append(position - START)
+        return [Message("/latched", position - 1, START, b"")]
+
+    stage = Stage(range(0, 6 * SECOND, SECOND), first=START + 2 * SECOND, latched=latched)
+    assert stage.sent == [(2 * SECOND - 1, 0)]
+    stage.run(0.5)
+    stage.playback.seek(START + 4 * SECOND)
+    stage.run(0.5)
+    assert asked == [2 * SECOND, 4 * SECOND]
+    assert [at for at, _ in stage.sent[1:]] == [2 * SECOND, 4 * SECOND - 1, 4 * SECOND]
+    assert stage.playback.published == 2
 
 
 def test_a_seek_before_the_beginning_goes_there_and_one_after_the_end_is_refused():

@@ -6,13 +6,15 @@ from pathlib import Path
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import ContactForce
-from sample_bags import CHAT, TALK, serialized_string, write_bag
+from sample_bags import CHAT, SECOND, START, TALK, serialized_string, write_bag
 from support import until
 
 import rpud_sim.bag
-from rpud_sim.bag import Message, QosProfile
-from rpud_sim.ros.replay.replayer import Replayer
+from rpud_sim.bag import Message, QosProfile, Topic
+from rpud_sim.ros.graph import ClockSources
+from rpud_sim.ros.replay.replayer import Replayer, last_latched
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -53,6 +55,48 @@ def test_it_offers_what_was_offered(replay, summaries):
     assert talk.qos_profile.durability == DurabilityPolicy.VOLATILE
     [chat] = node.get_publishers_info_by_topic(CHAT.name)
     assert chat.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def test_a_second_source_of_the_clock_is_named_once(replay, capfd):
+    node = replay(with_clock=True)
+    sources = ClockSources(node)
+    until(lambda: node.count_publishers("/clock") == 1)
+    sources.look()
+    other = rclpy.create_node("drill_node", namespace="/rpud")
+    other.create_publisher(Clock, "/clock", 1)
+    until(lambda: node.count_publishers("/clock") == 2)
+    sources.look()
+    sources.look()
+    other.destroy_node()
+    line = "/clock has 2 publishers, /replayer and /rpud/drill_node: time jumps between theirs"
+    assert capfd.readouterr().err.count(line) == 1
+
+
+def test_the_last_latched_messages_before_a_time_are_found(tmp_path):
+    latched = QosProfile(durability="transient_local")
+    topics = {
+        "/one": (latched,),
+        "/two": (latched, latched),  # of two publishers
+        "/fast": (QosProfile(),),
+    }
+    with rpud_sim.bag.BagWriter(tmp_path / "bag") as writer:
+        for name, offers in topics.items():
+            writer.add_topic(Topic(name, TALK.type, TALK.type_hash, offers), None)
+        for number in range(100):
+            due = START + number * SECOND
+            names = ["/fast", *(["/one"] if number == 20 else []), *(["/two"] * (number < 10))]
+            for name in names:
+                writer.write(name, bytes([0, 1, 0, 0, number]), due, due)
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        found = {
+            end: [(m.topic, m.data[4]) for m in last_latched(bag, topics, end * SECOND)]
+            for end in (0, 1, 5, 20, 21, 90)
+        }
+    assert found[0] == []
+    assert found[1] == [("/two", 0)]
+    assert found[5] == [("/two", 3), ("/two", 4)]
+    assert found[20] == [("/two", 8), ("/two", 9)]
+    assert found[21] == found[90] == [("/two", 8), ("/two", 9), ("/one", 20)]
 
 
 @pytest.mark.parametrize(

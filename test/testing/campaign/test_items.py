@@ -55,6 +55,7 @@ def test_runs_are_items_that_leave_artefacts_and_a_page_also_in_parallel(pyteste
 def test_a_drill_that_fails_says_nothing_about_the_system_under_test(pytester):
     pytester.makefile(".yaml", arm=CAMPAIGN)
     pytester.makeconftest("""
+        import pytest
         from rpud_sim.testing.drill import Drill
 
         step = Drill.step
@@ -64,9 +65,17 @@ def test_a_drill_that_fails_says_nothing_about_the_system_under_test(pytester):
             return step(drill, seconds)
 
         Drill.step = fail
+
+        @pytest.hookimpl(wrapper=True)
+        def pytest_runtest_makereport(item, call):
+            report = yield
+            if report.failed:
+                print(f"REPORT {item.nodeid} {report.when}")
+            return report
     """)
-    result = run(pytester, "arm.yaml::calm seed=0")
+    result = run(pytester, "-s", "arm.yaml::calm seed=0")
     result.assert_outcomes(failed=1, errors=4)
+    result.stdout.fnmatch_lines(["*REPORT arm.yaml::SAFE-3 setup"])  # reporters have it, too
     result.stdout.fnmatch_lines(
         ["the drill was ended by SIGKILL; *", "system under test  undecided  undecided"]
     )
