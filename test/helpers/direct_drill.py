@@ -84,9 +84,9 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
         y += dt * vy
         x += dt * vx
         forces[i // every] += k_a * (feed - x) / every
-        if in_rock and x < -release and y < 0.0:
+        if in_rock and x < -release and y < -amplitude:
             in_rock = joined = False
-        elif not in_rock and (x > 0.0 or y > 0.0):
+        elif not in_rock and (x > 0.0 or y > -amplitude):
             in_rock, t, vt, z = True, 0.0, 0.0, min(z, 0.0)
         if joined:
             z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)

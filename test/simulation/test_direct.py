@@ -9,12 +9,13 @@ import pytest
 from direct_drill import APART, STRIKE, arm_forces, resonant_figures
 from scipy.stats import t
 
-from rpud_sim.drilling.process import Process
+from rpud_sim.drilling.process import STIFFEST, Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation import Simulation, plant, to_configuration
 from rpud_sim.simulation.commands import DriveChange
+from rpud_sim.simulation.ensemble import run_members
 
 MILLISECOND = 1_000_000
 PHASES = (0.05, 0.3, 0.55, 0.8)
@@ -78,6 +79,62 @@ def test_steps_of_the_arm_give_and_take_little_or_are_an_error(monkeypatch):
     monkeypatch.setattr(plant, "LEAST_CREATED", -1e3)
     with pytest.raises(EngineError, match=r"the arm is unstable: its steps created .* J in"):
         simulation.advance_to(3001 * MILLISECOND)
+
+
+def drill_on_an_arm(random):
+    """Draw a drill on an arm over the whole range of load springs, with play nowhere."""
+
+    def between(low, high):
+        return math.exp(random.uniform(math.log(low), math.log(high)))
+
+    mass, force = between(0.3, 3.0), random.uniform(4.0, 20.0)
+    rate = mass * between(30.0**2, STIFFEST)
+    stiffness = between(2e3, 1e6)
+    return made(
+        {
+            "rpud_mass": mass,
+            "load_spring_rate": rate,
+            "arm_stiffness": stiffness,
+            "arm_damping": between(20.0, 2e3),
+            "rpud_damping_ratio": random.uniform(0.1, 0.9),
+            "initial_feed": force / rate + force / stiffness,
+            "anchoring_force": 1000.0,
+        }
+    )
+
+
+def means(configuration):
+    """Mean reacting force [N] and power of the actuator [W] of each phase, shape (phases, 2)."""
+    found = run_members(configuration, DURATION, PHASES)
+    return np.array(
+        [
+            (member.figures["reacting_force_mean"], member.account.actuator_work / DURATION)
+            for member in found
+        ]
+    )
+
+
+@pytest.mark.extended
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("seed", range(10))
+def test_random_arms_are_as_with_half_the_step_and_as_a_direct_integration(monkeypatch, seed):
+    configuration = drill_on_an_arm(np.random.default_rng(seed))
+    found = means(configuration)
+    forces = [arm_forces(configuration, phase, DURATION).mean() for phase in PHASES]
+    monkeypatch.setattr(Process, "interval", MILLISECOND // 2)
+    half = means(configuration)
+    assert not differ(found, half, (0.03, 0.05)).any(), (found, half)
+    assert not differ(found[:, :1], np.array(forces)[:, None], (0.05,)).any(), (found, forces)
+
+
+HOPPING = {"load_spring_rate": 1e5, "initial_feed": 6e-4}
+
+
+def test_a_drill_that_hops_on_a_stiff_arm_meets_the_rock_ahead_of_its_tip():
+    """Else the rock takes hold of the tool only slowly: in half of the phases 17 or 22 N."""
+    direct = np.mean([arm_forces(made(HOPPING), phase, 1.5) for phase in PHASES])
+    for member in run_members(made(HOPPING), 1.5, PHASES):
+        assert member.figures["reacting_force_mean"] == pytest.approx(direct, rel=0.05)
 
 
 @pytest.mark.parametrize("weight", [15.0, 30.0])
