@@ -158,15 +158,16 @@ def trend_table(results: Results) -> Table:
 
 
 def bar_table(results: Results) -> Table:
-    """Return displacement and contact time of the bar and of the energy balance, by free mass."""
+    """Return the results of the bar beside those of the energy balance, by free mass."""
     rows = []
     for quantity, name, unit in (
         ("displacement", "peak_displacement", "m"),
         ("contact time", "duration", "s"),
+        ("restitution", "restitution", ""),
     ):
         for item in results.bar:
-            bar = getattr(item.bar, name)
-            values = [getattr(item.contacts[model], name) for model in CONTACT_MODELS]
+            bar = item.bar_restitution if name == "restitution" else getattr(item.bar, name)
+            values = [getattr(item.balance(model), name) for model in CONTACT_MODELS]
             ratios = [f"{show(value, unit)} (×{plain(value / bar, 2)})" for value in values]
             rows.append([quantity, show(1e3 * item.free_mass, "g"), show(bar, unit), *ratios])
     return Table(["quantity", "free mass", "bar", *CONTACT_MODELS], rows)

@@ -18,4 +18,4 @@ def show(value: float, unit: str) -> str:
         return f"{plain(1e6 * value)} µm" if value < 1e-3 else f"{plain(1e3 * value)} mm"
     if unit == "s":
         return f"{plain(1e6 * value)} µs"
-    return f"{plain(value)} {unit}"
+    return f"{plain(value)} {unit}".rstrip()

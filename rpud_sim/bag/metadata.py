@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
+from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.time import SECOND
 
 FILE_NAME = "metadata.yaml"
@@ -329,7 +330,7 @@ def _check_size(text: str) -> None:
 
 def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
     """Return the content of the metadata record, with one key for each topic."""
-    return {topic: json.dumps(asdict(item)) for topic, item in losses.items()}
+    return {topic: json_text(asdict(item)) for topic, item in losses.items()}
 
 
 def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
@@ -371,10 +372,10 @@ class Manifest:
 
     def to_record(self) -> dict[str, str]:
         """Return the content of the metadata record: one key with a JSON object."""
-        content = _readable(asdict(self))
+        content = finite_values(_readable(asdict(self)), name_of)
         if not self.forked_from:
             del content["forked_from"]
-        return {"manifest": json.dumps(content, ensure_ascii=False, default=repr)}
+        return {"manifest": json_text(content, ensure_ascii=False, default=repr)}
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:
@@ -440,7 +441,7 @@ class RunVerdict:
 
     def to_record(self) -> dict[str, str]:
         """Return the content of the metadata record: one key with a JSON object."""
-        return {"test": json.dumps(asdict(self), ensure_ascii=True)}
+        return {"test": json_text(asdict(self))}
 
 
 def tested_from_record(record: Mapping[str, str]) -> RunVerdict:

@@ -6,7 +6,6 @@ proves itself by its checksum; any other record by the lengths inside it and by 
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import warnings
@@ -63,6 +62,7 @@ from rpud_sim.bag.records import (
 )
 from rpud_sim.bag.recovery_account import Recovery
 from rpud_sim.bag.writer import BagWriter, whole_bag
+from rpud_sim.foundation.json_text import json_text
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
@@ -100,7 +100,7 @@ def recover(
         found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in files]
         if not any(found):
             raise BagFormatError(f"{torn} holds nothing of an MCAP file")
-        bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
+        bag.add_record(RECOVERY_RECORD, {"account": json_text(recovery.to_mapping())})
         bag.close()
         with BagReader(bag.path) as whole:
             _ = whole.topics  # raises an error if the new bag cannot be listed

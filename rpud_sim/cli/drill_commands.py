@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import time
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
 from rpud_sim.cli.program import CommandError, ExitCode
+from rpud_sim.foundation.json_text import finite_values, json_text
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import cell, complain, printable, table
@@ -188,7 +188,7 @@ def _faults(drill: DrillClient, as_json: bool) -> str:
     ]
     if as_json:
         kinds, channels = [*answer.kinds], [*answer.channels]
-        return json.dumps({"active": active, "kinds": kinds, "channels": channels}, indent=2)
+        return json_text({"active": active, "kinds": kinds, "channels": channels}, indent=2)
     rows = [
         (
             *(each["kind"], each["channel"] or "-", each["number"]),
@@ -348,9 +348,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
 
 
 def _json_text(plain: Any) -> str:
-    from rpud_sim.foundation.values import finite_values
-
-    return json.dumps(finite_values(plain)) + "\n"
+    return json_text(finite_values(plain)) + "\n"
 
 
 def _yaml_text() -> Callable[[Any], str]:

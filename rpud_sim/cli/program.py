@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import gc
-import json
 import os
 import signal
 import sys
@@ -14,6 +13,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, NoReturn
 
+from rpud_sim.foundation.json_text import check_finite, json_text
 from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning, ParameterError
 from rpud_sim.foundation.terminal import complain
 
@@ -240,8 +240,12 @@ _LINE_PERIOD = 10.0  # s between two lines where there is no terminal
 
 
 def print_result(options: Any, content: Any, lines: Callable[[], Iterable[str]]) -> None:
-    """Print the result of a command: with --json its content, otherwise some lines."""
-    print(json.dumps(content, indent=2) if options.json else "\n".join(lines()))
+    """Print the result of a command: with --json its content, otherwise some lines.
+
+    A number in the content that is not finite is an error in both cases, and nothing is printed.
+    """
+    check_finite(content)
+    print(json_text(content, indent=2) if options.json else "\n".join(lines()))
 
 
 class _Lines:

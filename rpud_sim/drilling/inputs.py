@@ -19,7 +19,7 @@ class Percussion(NamedTuple):
     # on the rock, mean over ``FORCE_WINDOW`` [N]; zero while the tool is not in the rock
     rock_force: float = 0.0
     load_damping: float = 0.0  # c_1 of the load spring [N s/m]
-    reach: float = -math.inf  # how far the nodal plane comes until the next step [m]
+    reach: float = -math.inf  # how far the tip comes until the next step, at most [m]
 
 
 @dataclasses.dataclass(frozen=True)

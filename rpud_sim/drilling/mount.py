@@ -282,8 +282,8 @@ class Mount:
     ) -> None:
         """Note what follows from the place that the mount has reached.
 
-        ``way`` is that of the mount as the bodies see it, ``reach`` how far the RPUD comes until
-        the next step, from the origin [m].
+        ``way`` is that of the mount as the bodies see it, ``reach`` how far the actuator's tip
+        comes until the next step, from the origin [m]: there the rock must have the tool already.
         """
         was_in_contact, self.bottom = self.in_contact, bottom
         if self.position > bottom or load.origin + reach > bottom:

@@ -1,4 +1,4 @@
-"""Process of drilling: rotation, feed and borehole, one step each millisecond."""
+"""Process of drilling: rotation, feed and borehole, one step each millisecond or more."""
 
 from __future__ import annotations
 
@@ -27,21 +27,48 @@ class ProcessState:
 AT_REST = ProcessState()
 
 
+# Greatest rate of the load spring of an arm, over the RPUD's mass [1/s^2].
+STIFFEST = 500.0**2
+# The same of an arm with steps of the whole interval.
+_SOFT = 62.5**2
+
+
+def parts_of(stiffness: float) -> int:
+    """Return into how many steps the interval is divided: 1, 2, 4 or 8.
+
+    The stiffness is the rate of an arm's load spring over the RPUD's mass [1/s^2], 0 without an
+    arm. In a step the RPUD on its load spring turns by at most a sixteenth of a radian.
+    """
+    parts = 1
+    while parts < 8 and stiffness > _SOFT * parts * parts:
+        parts *= 2
+    return parts
+
+
 class Process:
     """Slow processes around the percussion, from time zero on.
 
     Times are integer nanoseconds of simulation time.
     """
 
-    # A step is at each whole multiple of this [ns], so that steps do not depend on how the
-    # simulation is advanced. It is short against the periods of load spring and arm.
+    # A step is at each whole multiple of this, or of its half, quarter or eighth [ns], so that
+    # steps do not depend on how the simulation is advanced.
     interval = 1_000_000
 
-    def __init__(self, rotor: Rotor | None, mount: Mount | None, borehole: Borehole | None) -> None:
+    def __init__(
+        self,
+        rotor: Rotor | None,
+        mount: Mount | None,
+        borehole: Borehole | None,
+        stiffness: float = 0.0,
+    ) -> None:
         self._rotor, self._borehole = rotor, borehole
         self.mount = mount  # None without a feed: weight on bit and regime are commanded
-        self.next_step = self.interval if rotor or mount or borehole else NEVER  # [ns]
+        self._parts = parts_of(stiffness)  # of the interval
+        self.next_step = NEVER  # [ns]
         self._time = 0  # of the last step [ns]
+        if rotor or mount or borehole:
+            self.next_step = self.interval // self._parts
 
     @property
     def state(self) -> ProcessState:
@@ -61,6 +88,15 @@ class Process:
         """Power that the rotation takes from the stack [W], and its energy since time zero [J]."""
         return self._rotor.draw if self._rotor else (0.0, 0.0)
 
+    @property
+    def length(self) -> float:
+        """Duration of the step that comes next [s]."""
+        return (self.next_step - self._time) / SECOND
+
+    def stiffen(self, stiffness: float) -> None:
+        """Step from the next step on as a load spring needs; its rate over the RPUD's mass."""
+        self._parts = parts_of(stiffness)
+
     def step(
         self, percussion: Percussion, disturbances: Disturbances, spring_rate: float, bottom: float
     ) -> None:
@@ -69,7 +105,7 @@ class Process:
         ``bottom`` is of the hole by percussion alone [m], where there are no strata; infinite
         without rock.
         """
-        interval = self.interval / SECOND
+        interval = self.length
         mount, borehole = self.mount, self._borehole
         turned = NOT_TURNED
         if self._rotor:
@@ -85,4 +121,5 @@ class Process:
         if mount:
             mount.step(interval, bottom, percussion, spring_rate, disturbances)
         self._time = self.next_step
-        self.next_step += self.interval
+        interval = self.interval // self._parts
+        self.next_step += interval - self.next_step % interval

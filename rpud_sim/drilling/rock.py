@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import (
     ParameterError,
     ParameterGroup,
@@ -120,7 +120,7 @@ class Strata:
         content: dict[str, Any] = {"layers": [dataclasses.asdict(layer) for layer in self.layers]}
         if not math.isinf(self.bottom):
             content["bottom"] = self.bottom
-        return json.dumps(content, ensure_ascii=False)
+        return json_text(content, ensure_ascii=False)
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:

@@ -1,16 +1,16 @@
-"""Values: sequences of different lengths in one array, and JSON."""
+"""Values: sequences of different lengths in one array, and arrays as JSON."""
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
+from rpud_sim.foundation.json_text import NotFiniteError, finite_values, json_text, name_of
 
 
 @dataclass(frozen=True)
@@ -51,20 +51,6 @@ class Sequences:
 _MOST_ELEMENTS = 65_536
 
 
-def name_of(number: float) -> str:
-    """Return the name of a number that JSON lacks: ``NaN``, ``Infinity`` or ``-Infinity``."""
-    return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"
-
-
-def finite_values(value: Any, instead: Callable[[float], object] = lambda number: None) -> Any:
-    """Return plain values with null, or what is ``instead``, for NaN and infinity."""
-    if isinstance(value, dict):
-        return {name: finite_values(each, instead) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite_values(each, instead) for each in value]
-    return instead(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def to_json(value: Any) -> str:
     """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts."""
     if isinstance(value, np.ndarray) and value.size > _MOST_ELEMENTS:
@@ -76,6 +62,6 @@ def to_json(value: Any) -> str:
         return f"[{', '.join(parts)}]"
     plain = value.tolist() if isinstance(value, np.ndarray) else value
     try:
-        return json.dumps(plain, ensure_ascii=False, allow_nan=False)
-    except ValueError:
-        return json.dumps(finite_values(plain, name_of), ensure_ascii=False)
+        return json_text(plain, ensure_ascii=False)
+    except NotFiniteError:
+        return json_text(finite_values(plain, name_of), ensure_ascii=False)

@@ -111,7 +111,9 @@ def release_time(cosine, sine, angular_frequency, gravity):
     """Time until the contact force returns to zero [s]; infinite for a mass at rest on the tool.
 
     The deformation about its rest is cosine cos(w s) + sine sin(w s). The force vanishes where the
-    acceleration reaches that of gravity, attoseconds to picoseconds after eq. (39).
+    acceleration reaches that of gravity: after a blow on a tool at rest, about g m_eff / (k v)
+    after eq. (39), v being the common velocity. That is 105 ps for the default drill at 3 m/s,
+    and infinitely late where the mass stays on the tool.
     """
     lift = gravity / (angular_frequency * angular_frequency)
     square = cosine * cosine + sine * sine - lift * lift

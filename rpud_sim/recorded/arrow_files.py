@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.values import to_json
 from rpud_sim.recorded import RecordingError
 
@@ -104,7 +104,9 @@ def _schema(
             kind = pa.from_numpy_dtype(column.dtype) if single else pa.string()
         about = {"unit": column.unit, "description": column.description}
         fields.append(pa.field(column.name, kind, False, {k: v for k, v in about.items() if v}))
-    return pa.schema(fields, {key: json.dumps(value) for key, value in metadata.items()})
+    return pa.schema(
+        fields, {key: json_text(finite_values(value, name_of)) for key, value in metadata.items()}
+    )
 
 
 def _array(column: Column, kind: pa.DataType, values: Any) -> pa.Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 from collections import Counter
@@ -18,6 +17,7 @@ import rpud_sim.bag
 from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
+from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, new_folder
@@ -143,7 +143,7 @@ def _description(summary: TopicSummary, columns: Sequence[Column]) -> dict[str, 
 
 
 def write_account(folder: Path, account: Mapping[str, Any]) -> None:
-    text = json.dumps(account, indent=2, ensure_ascii=False)
+    text = json_text(finite_values(account, name_of), indent=2, ensure_ascii=False)
     (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
 
 

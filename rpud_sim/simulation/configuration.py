@@ -11,6 +11,7 @@ from typing import Any
 
 from rpud_sim.drilling.borehole import BitParameters
 from rpud_sim.drilling.mount import MountParameters
+from rpud_sim.drilling.process import STIFFEST
 from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.foundation.options import NAMESPACE
@@ -68,6 +69,20 @@ class Configuration(ParameterGroup):
                 f"free_mass = {free_mass:g} kg is more than 1/{LEAST_MASS_RATIO:g} of the "
                 f"actuator's modal mass {modal_mass:g} kg, which vibration_amplitude, "
                 "nominal_voltage, resonance_frequency, quality_factor and motional_resistance give"
+            )
+
+        if self.has_feed:
+            self._check_load_spring()
+
+    def _check_load_spring(self) -> None:
+        mass, rate = self.parameters.rpud_mass, self.parameters.load_spring_rate
+        quantity = QUANTITIES["load_spring_rate"]
+        most = min(STIFFEST * mass, quantity.maximum)
+        if rate > most:
+            raise ParameterError(
+                f"load_spring_rate = {rate:g} N/m is outside its range [{quantity.minimum:g}, "
+                f"{most:g}] N/m with feed_model = {self.mount.feed_model} and "
+                f"rpud_mass = {mass:g} kg"
             )
 
     @property

@@ -93,7 +93,8 @@ class PercussionMeter:
         energies, self._energies = tuple(self._energies), array("d")
         for energy in energies:
             self.arrived += energy
-        reach = position + max(position - self._position, 0.0)
+        # The tip may be ahead of the nodal plane by the amplitude.
+        reach = position + max(position - self._position, 0.0) + amplitude
         self._position = position
         return Percussion(energies, ratio, drill.in_rock, force, on_rock, drill.rpud_damping, reach)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of, whole_time
 from rpud_sim.simulation.commands import COMMAND_NAMES
 from rpud_sim.simulation.configuration import Settings, to_settings
@@ -30,7 +30,7 @@ class JournalEntry:
 
     @property
     def text(self) -> str:
-        return json.dumps({"time": self.time, **self.content})
+        return json_text({"time": self.time, **self.content})
 
 
 class Journal:

@@ -98,7 +98,12 @@ class Plant:
             mount = Mount(drill.mount, self._pushing_rate(), self._bottom() < math.inf)
         if (layers := drill.layers) is not None:
             borehole = Borehole(drill.bit, layers, drill.rock, length)
-        return Process(rotor, mount, borehole)
+        return Process(rotor, mount, borehole, self._stiffness if mount else 0.0)
+
+    @property
+    def _stiffness(self) -> float:
+        """Rate of the load spring over the RPUD's mass [1/s^2], without a binding."""
+        return self._effects.pushing_rate / self._effects.parameters.rpud_mass
 
     @property
     def reading(self) -> ActuatorReading:
@@ -145,6 +150,8 @@ class Plant:
         self.actuator.drift(effects.resonance_offset)
         self.actuator.lock(not effects.lock_lost)
         self._effects = effects
+        if self.process.mount is not None:
+            self.process.stiffen(self._stiffness)
         self._drill = self._derived()
 
     def drain(self) -> tuple[np.ndarray, np.ndarray]:
@@ -181,9 +188,8 @@ class Plant:
             self._make_progress(struck)
         position = nodal_plane_position(engine.open_segment, *self._instant)
         weight = self._weight_on_bit()
-        interval = self.process.interval / SECOND
         percussion = self._percussion.read(
-            interval, position, weight, self._drill, engine.amplitude
+            self.process.length, position, weight, self._drill, engine.amplitude
         )
         mount = self.process.mount
         was_in_contact = mount is not None and mount.in_contact

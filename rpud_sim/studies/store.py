@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.whole_folder import UNFINISHED, write_whole
 from rpud_sim.studies.workers import StudyChunk, run_chunks
@@ -33,7 +34,7 @@ class StudyStore(abc.ABC, Generic[_Chunk, _Outcome]):
     def __init__(self, path: Path, manifest: dict[str, Any], study: str, report: Report) -> None:
         self.path = path
         # All that its results depend on, as JSON reads it back.
-        self.manifest = json.loads(json.dumps(manifest))
+        self.manifest = json.loads(json_text(manifest))
         self.simulated = 0  # runs of this call
         self.kept = 0  # runs of earlier calls
         self._study = study
@@ -104,14 +105,14 @@ class StudyStore(abc.ABC, Generic[_Chunk, _Outcome]):
         if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
             reason = f"is not empty and holds no {study}; choose another --out"
             raise ParameterError(f"{self.path}: {reason}")
-        write_whole(path, json.dumps(self.manifest, indent=2) + "\n")
+        write_whole(path, json_text(self.manifest, indent=2) + "\n")
 
 
 def _difference(found: Any, wanted: Any) -> str:
     """Return the first entry in which two manifests differ, empty if they are equal."""
     there, here = dict(_entries(found)), dict(_entries(wanted))
     for name in {**here, **there}:
-        old, new = (json.dumps(each.get(name)) for each in (there, here))
+        old, new = (json_text(each.get(name)) for each in (there, here))
         if old != new:
             return f"{name} is {old:.{_LONGEST_VALUE}} there and {new:.{_LONGEST_VALUE}} here"
     return ""

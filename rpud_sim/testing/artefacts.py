@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import itertools
-import json
 import os
 import re
 import shutil
@@ -28,6 +27,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.testing.drill import Drill
 
 _MARKER = "artefacts.json"  # only a folder with it is overwritten
@@ -53,7 +53,7 @@ def leave_artefacts(
         "rmw": os.environ.get("RMW_IMPLEMENTATION", "default"),
         "command": sys.argv,
     }
-    (place / "versions.json").write_text(json.dumps(versions, indent=2) + "\n")
+    (place / "versions.json").write_text(json_text(versions, indent=2) + "\n")
     if failure:
         (place / "failure.txt").write_text(failure + "\n")
     for number, drill in enumerate(drills, 1):
@@ -83,7 +83,7 @@ def leave_artefacts(
         lines += filter(None, [drill.refusals])
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
-    (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")
+    (place / _MARKER).write_text(json_text({"test": test, **dict(properties)}, indent=2) + "\n")
     return "\n".join(lines), properties
 
 

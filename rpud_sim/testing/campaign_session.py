@@ -5,7 +5,6 @@ pytest loads this module in every run, so it imports nothing heavy before it fin
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.whole_folder import write_whole
@@ -163,7 +163,7 @@ class CampaignSession:
             if folder:
                 place.mkdir(parents=True, exist_ok=True)
                 write_whole(page, campaign_page(results))
-                content = json.dumps(results.to_dict(), indent=2) + "\n"
+                content = json_text(results.to_dict(), indent=2) + "\n"
                 write_whole(page.with_suffix(".json"), content)
 
     def _report_undecided(

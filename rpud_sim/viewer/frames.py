@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Collection, Mapping
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import QUANTITIES, for_browser
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.viewer.history import History
@@ -246,7 +246,7 @@ def encode(frame: Mapping[str, Any]) -> bytes:
             return None
         return printable(value) if isinstance(value, str) else value
 
-    header = json.dumps(plain(frame), separators=(",", ":"), allow_nan=False).encode()
+    header = json_text(plain(frame), separators=(",", ":")).encode()
     return b"".join([_filled(len(header).to_bytes(4, "little") + header), *arrays])
 
 

@@ -140,3 +140,16 @@ def test_a_drill_beyond_its_event_budget_ends_with_one_line(simulate, several):
         r"0\.005\)\n",
         errors.splitlines(keepends=True)[-1],
     )
+
+
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_a_figure_that_is_not_finite_is_an_error_with_its_name(simulate, monkeypatch, words):
+    figures = Statistics.figures
+
+    def broken(statistics):
+        return {**figures(statistics), "contact_force_max": math.nan}
+
+    monkeypatch.setattr(Statistics, "figures", broken)
+    code, output, errors = simulate("--duration", 0.1, *words)
+    assert (code, output) == (1, "")
+    assert errors == "rpud simulate: contact_force_max = nan is not a finite number\n"

@@ -11,6 +11,9 @@ from numba import njit
 
 from rpud_sim.model.drill import derive
 
+STRIKE = 0.3  # m/s, from which on an impact on the drill tool counts
+APART = 2e-6  # s, within which impacts count as one
+
 
 @njit
 def _cosine(cycles):
@@ -81,9 +84,9 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
         y += dt * vy
         x += dt * vx
         forces[i // every] += k_a * (feed - x) / every
-        if in_rock and x < -release and y < 0.0:
+        if in_rock and x < -release and y < -amplitude:
             in_rock = joined = False
-        elif not in_rock and (x > 0.0 or y > 0.0):
+        elif not in_rock and (x > 0.0 or y > -amplitude):
             in_rock, t, vt, z = True, 0.0, 0.0, min(z, 0.0)
         if joined:
             z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
@@ -106,7 +109,7 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
 
 
 @njit
-def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt):
+def _integrate_resonance(bodies, tool, resonance, weight, phase, silence, window, dt):
     m, k_1, c_1, m_fm, e_1, g = bodies
     in_rock, mass, k_eff, c_dt, e_2 = tool
     modal_mass, amplitude, decay_time, frequency = resonance
@@ -114,10 +117,12 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
     drive = 2.0 * amplitude * omega / decay_time
     y, vy, z, vz, t, vt, q, p = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     joined = in_rock
-    square = 0.0
-    first, last = round(skipped / dt), round(duration / dt)
+    square, work, strikes, struck, apart = 0.0, 0.0, 0, -1, round(APART / dt)
+    first, last = round(window[0] / dt), round(window[1] / dt)
+    off, on = round(silence[0] / dt), round(silence[1] / dt)
     for i in range(last):
-        p += dt * (drive * _cosine(frequency * i * dt) - omega * omega * q - 2.0 / decay_time * p)
+        push = 0.0 if off <= i < on else drive * _cosine(phase + frequency * i * dt)
+        p += dt * (push - omega * omega * q - 2.0 / decay_time * p)
         q += dt * p
         vy += dt * (weight - k_1 * y - c_1 * vy) / m
         y += dt * vy
@@ -132,17 +137,26 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
                 restitution = e_1 if closing > 1e-3 else 0.0
                 impulse = (1.0 + restitution) * closing / (1.0 / m + 1.0 / modal_mass + 1.0 / m_fm)
                 vy -= impulse / m
+                if i >= first:
+                    work += impulse * (p - 0.5 * impulse / modal_mass)
                 p -= impulse / modal_mass
                 vz += impulse / m_fm
                 if joined:
+                    if vz - vt > STRIKE:
+                        strikes += i >= first and i > struck + apart
+                        struck = i
                     vz = vt = (m_fm * vz + mass * vt) / (m_fm + mass)
             if joined:
                 t = max(t, z)
         if not joined:
+            if z >= t and vz - vt > STRIKE:
+                strikes += i >= first and i > struck + apart
+                struck = i
             z, vz, vt, joined = _meet_tool(m_fm, mass, e_2, in_rock, z, vz, t, vt)
         if i >= first:
             square += q * q
-    return math.sqrt(2.0 * square / (last - first))
+    seconds = (last - first) * dt
+    return math.sqrt(2.0 * square / (last - first)), work / seconds, strikes / seconds
 
 
 def _bodies(drill):
@@ -168,8 +182,13 @@ def arm_forces(configuration, phase, duration, dt=1e-7):
     return _integrate_arm(_bodies(drill), tool, arm, vibration, duration, dt, 1e-3)
 
 
-def resonant_amplitude(configuration, duration, skipped, dt):
-    """Return the root mean square of the amplitude of a resonance [m], after a skipped time."""
+def resonant_figures(configuration, phase, window, silence=(0.0, 0.0), dt=2e-8):
+    """Return root mean square amplitude [m], mechanical power [W] and impact rate [1/s].
+
+    They are of a resonance in a window between two times [s]; its drive is off in the silence.
+    Impacts slower than ``STRIKE`` do not count, and those within ``APART`` count as one: a mass
+    that comes to rest, or is hit on the tool, has many.
+    """
     parameters, actuator = configuration.parameters, configuration.actuator
     drill, amplitude = derive(parameters), parameters.vibration_amplitude
     frequency = actuator.resonance_frequency
@@ -179,4 +198,4 @@ def resonant_amplitude(configuration, duration, skipped, dt):
     tool = (in_rock, drill.tool_mass, drill.tool_spring_rate)
     tool += (drill.tool_damping, 0.0 if in_rock else drill.drill_tool_restitution)
     weight = parameters.weight_on_bit
-    return _integrate_resonance(_bodies(drill), tool, resonance, weight, duration, skipped, dt)
+    return _integrate_resonance(_bodies(drill), tool, resonance, weight, phase, silence, window, dt)

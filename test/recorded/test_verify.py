@@ -4,6 +4,7 @@ import dataclasses
 import math
 import struct
 
+import numpy as np
 import pytest
 from altered_bags import altered, copied, edited, flipped, merged, messages_of, numbered
 from forked_runs import JOURNAL, ON_ARM
@@ -13,7 +14,9 @@ from support import called
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.metadata import Manifest
 from rpud_sim.recorded.journal import UnverifiableError, installed_codec
+from rpud_sim.recorded.offline_bag import BatchWriter, new_bag
 from rpud_sim.recorded.streams import first_field
 from rpud_sim.recorded.verify import PROVED, verify
 from rpud_sim.simulation import preset
@@ -25,7 +28,7 @@ from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 SECOND = 1_000_000_000
 DURATION = 0.33
@@ -339,6 +342,55 @@ def streamed_bag(path, rate, duration, start, silent=()):
             if run.time == second * SECOND:
                 write([run.status("running", Bookkeeping(commands_accepted=second * rate))])
     return path
+
+
+def commanded_bag(path, step, count, *, deferred):
+    """Record a drill that gets another weight on bit after each step [ns], as the node gets it.
+
+    With ``deferred``, waveform and trajectory of a step come after its command.
+    """
+    settings = Settings()
+    offered = offered_topics(settings.values())
+    run = Run(Plan(Beginning(settings)), Journal(), offered.__contains__)
+    random, waiting = np.random.default_rng(5), []
+    with new_bag(path, "/rpud/", offered, Manifest()) as bag:
+        writer = BatchWriter(bag, "/rpud/", offered)
+        run.begin(0)
+        writer.write(run.changes())
+        for number in range(1, count + 1):
+            writer.write(run.advance_to(number * step, waiting.append if deferred else None))
+            run.control.apply(WeightOnBit(random.uniform(0.0, 30.0)))
+            run.control.act()
+            writer.write(run.changes())
+            writer.write(batch for stream in waiting for batch in stream if batch is not None)
+            waiting.clear()
+            if run.time % SECOND == 0:
+                writer.write([run.status("running", Bookkeeping(commands_accepted=number))])
+        writer.write(run.flush(ends=True))
+        writer.write([run.status("stopped", Bookkeeping(commands_accepted=count))])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("step", "count", "deferred"),
+    [(SECOND // 100, 300, True), (SECOND // 20, 260, False)],
+    ids=["commands at 100 Hz", "260 steps of 0.05 s"],
+)
+def test_a_drill_with_many_commands_is_proved(tmp_path, step, count, deferred):
+    path = commanded_bag(tmp_path / "bag", step, count, deferred=deferred)
+    assert len(messages_of(path, {JOURNAL})) > count
+    verification = verify(path)
+    assert verification.proved
+    assert totals(verification)[1:] == (0, 0, 0)
+    assert verification.simulated == step * count
+    # The commands decide: with another one, the bag is not proved.
+    change = edited(lambda fields, content: _heavier(content, count * step // 2))
+    assert not verify(altered(path, tmp_path / "other", change)).proved
+
+
+def _heavier(content, time):
+    if content.get("time") == time and "force" in content:
+        content["force"] += 1e-9
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,21 @@
 """Slow processes beside a direct integration in small steps, and with half their own step."""
 
+import contextlib
 import json
+import math
 
 import numpy as np
 import pytest
-from direct_drill import arm_forces, resonant_amplitude
+from direct_drill import APART, STRIKE, arm_forces, resonant_figures
 from scipy.stats import t
 
-from rpud_sim.drilling.process import Process
+from rpud_sim.drilling.process import STIFFEST, Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation import Simulation, plant, to_configuration
 from rpud_sim.simulation.commands import DriveChange
+from rpud_sim.simulation.ensemble import run_members
 
 MILLISECOND = 1_000_000
 PHASES = (0.05, 0.3, 0.55, 0.8)
@@ -77,6 +81,62 @@ def test_steps_of_the_arm_give_and_take_little_or_are_an_error(monkeypatch):
         simulation.advance_to(3001 * MILLISECOND)
 
 
+def drill_on_an_arm(random):
+    """Draw a drill on an arm over the whole range of load springs, with play nowhere."""
+
+    def between(low, high):
+        return math.exp(random.uniform(math.log(low), math.log(high)))
+
+    mass, force = between(0.3, 3.0), random.uniform(4.0, 20.0)
+    rate = mass * between(30.0**2, STIFFEST)
+    stiffness = between(2e3, 1e6)
+    return made(
+        {
+            "rpud_mass": mass,
+            "load_spring_rate": rate,
+            "arm_stiffness": stiffness,
+            "arm_damping": between(20.0, 2e3),
+            "rpud_damping_ratio": random.uniform(0.1, 0.9),
+            "initial_feed": force / rate + force / stiffness,
+            "anchoring_force": 1000.0,
+        }
+    )
+
+
+def means(configuration):
+    """Mean reacting force [N] and power of the actuator [W] of each phase, shape (phases, 2)."""
+    found = run_members(configuration, DURATION, PHASES)
+    return np.array(
+        [
+            (member.figures["reacting_force_mean"], member.account.actuator_work / DURATION)
+            for member in found
+        ]
+    )
+
+
+@pytest.mark.extended
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("seed", range(10))
+def test_random_arms_are_as_with_half_the_step_and_as_a_direct_integration(monkeypatch, seed):
+    configuration = drill_on_an_arm(np.random.default_rng(seed))
+    found = means(configuration)
+    forces = [arm_forces(configuration, phase, DURATION).mean() for phase in PHASES]
+    monkeypatch.setattr(Process, "interval", MILLISECOND // 2)
+    half = means(configuration)
+    assert not differ(found, half, (0.03, 0.05)).any(), (found, half)
+    assert not differ(found[:, :1], np.array(forces)[:, None], (0.05,)).any(), (found, forces)
+
+
+HOPPING = {"load_spring_rate": 1e5, "initial_feed": 6e-4}
+
+
+def test_a_drill_that_hops_on_a_stiff_arm_meets_the_rock_ahead_of_its_tip():
+    """Else the rock takes hold of the tool only slowly: in half of the phases 17 or 22 N."""
+    direct = np.mean([arm_forces(made(HOPPING), phase, 1.5) for phase in PHASES])
+    for member in run_members(made(HOPPING), 1.5, PHASES):
+        assert member.figures["reacting_force_mean"] == pytest.approx(direct, rel=0.05)
+
+
 @pytest.mark.parametrize("weight", [15.0, 30.0])
 def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
     configuration = to_configuration(
@@ -88,7 +148,7 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
             "contact_model": "printed",
         }
     )
-    direct = resonant_amplitude(configuration, 1.0, 0.4, 2e-8)
+    direct = resonant_figures(configuration, 0.0, (0.4, 1.0))[0]
     simulation, found = Simulation(configuration), []
     for end in range(400, 1001):
         simulation.advance_to(end * MILLISECOND)
@@ -104,7 +164,7 @@ def test_a_drill_before_drilling_vibrates_as_a_direct_oscillator(mass, phase):
     configuration = to_configuration(
         {"regime": "free", "actuator_model": "resonance", "drill_tool_mass": mass}
     )
-    direct = resonant_amplitude(configuration, 1.5, 0.4, 2e-8)
+    direct = resonant_figures(configuration, phase, (0.5, 1.5), (0.41, 0.43))[0]
     simulation, found = Simulation(configuration, phase), []
     for end in range(400, 1501):
         if end == 410:
@@ -115,6 +175,99 @@ def test_a_drill_before_drilling_vibrates_as_a_direct_oscillator(mass, phase):
         found.append(simulation.actuator.amplitude)
     amplitude = np.sqrt(np.mean(np.square(found[100:])))
     assert amplitude == pytest.approx(direct, rel=0.1)
+
+
+# Of random drills: times without drive and of the figures [s], and the greatest differences of
+# amplitude, power and impact rate.
+SILENCE, WINDOW = (0.15, 0.17), (0.3, 1.2)
+SHARES = (0.03, 0.05, 0.05)
+STALLED = 0.2  # of the unloaded amplitude, below which a drill nearly stalls
+
+
+def resonant_drill(random):
+    """Draw a drill with a resonance that may be had."""
+
+    def between(low, high):
+        return math.exp(random.uniform(math.log(low), math.log(high)))
+
+    while True:
+        values = {
+            "actuator_model": "resonance",
+            "regime": str(random.choice(["free", "drilling"])),
+            "rpud_mass": between(0.3, 3.0),
+            "free_mass": between(2e-3, 10e-3),
+            "drill_tool_mass": between(2e-3, 50e-3),
+            "quality_factor": between(50.0, 2000.0),
+            "motional_resistance": between(25.0, 200.0),
+            "vibration_amplitude": between(15e-6, 50e-6),
+            "load_spring_rate": between(500.0, 1e4),
+            "weight_on_bit": random.uniform(2.0, 25.0),
+            "actuator_restitution": random.uniform(0.3, 1.0),
+            "drill_tool_restitution": random.uniform(0.5, 1.0),
+            "rpud_damping_ratio": random.uniform(0.1, 0.9),
+            "gravity": float(random.choice([1.62, 9.81])),
+        }
+        with contextlib.suppress(ParameterError):  # too light a vibration
+            return to_configuration(values)
+
+
+def resonance_figures(configuration, phase):
+    """Amplitude [m], power [W] and impact rate [1/s] in the window, and all frequencies [Hz].
+
+    The last are the mean, the least and the greatest.
+    """
+    simulation = Simulation(configuration, phase)
+    amplitudes, turned, struck, frequencies = [], [], [], []
+    silent, driven, first, last = (round(1000 * time) for time in (*SILENCE, *WINDOW))
+    work = 0.0
+    for end in range(1, last + 1):
+        block = simulation.advance_to(end * MILLISECOND)
+        frequencies.append(block.covering["vibration_frequency"])
+        if end in (silent, driven):
+            simulation.apply(DriveChange(end == driven))
+        if end == first:
+            work = simulation.actuator.mechanical_work
+        if end > first:
+            amplitudes.append(simulation.actuator.amplitude)
+            hard = block.impacts[block.impacts["impact_velocity"] > STRIKE]
+            struck.append(hard["seconds"] + hard["fraction"])
+            begins = block.covering["start_seconds"] + block.covering["start_fraction"]
+            edges = np.append(np.maximum(begins, (end - 1) / 1000), end / 1000)
+            turned.append(np.sum(frequencies[-1] * np.diff(edges)))
+    seconds = WINDOW[1] - WINDOW[0]
+    amplitude = np.sqrt(np.mean(np.square(amplitudes)))
+    power = (simulation.actuator.mechanical_work - work) / seconds
+    rate = np.sum(np.diff(np.sort(np.concatenate(struck)), prepend=0.0) > APART) / seconds
+    every = np.concatenate(frequencies)
+    return (amplitude, power, rate), (np.sum(turned) / seconds, every.min(), every.max())
+
+
+@pytest.mark.extended
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("seed", range(12))
+def test_random_resonant_drills_are_as_direct_oscillators(seed):
+    """Means over phases of amplitude, power and impact rate, after the drive was off and on."""
+    configuration = resonant_drill(np.random.default_rng(seed))
+    direct = np.array(
+        [resonant_figures(configuration, phase, WINDOW, SILENCE, 5e-8) for phase in PHASES]
+    )
+    pairs = [resonance_figures(configuration, phase) for phase in PHASES]
+    found, frequencies = (
+        np.array([pair[0] for pair in pairs]),
+        np.array([pair[1] for pair in pairs]),
+    )
+    assert np.isfinite(found).all()
+    # Between two updates it makes up for a quarter of a cycle in half a cycle at most.
+    resonance = configuration.actuator.resonance_frequency
+    assert frequencies.min() > 0.49 * resonance
+    assert frequencies.max() < 1.51 * resonance
+    amplitude = direct[:, 0].mean()
+    if amplitude < STALLED * configuration.parameters.vibration_amplitude:
+        assert abs(found[:, 0].mean() - amplitude) < 1.5e-6
+        return
+    assert not differ(found, direct, SHARES).any(), (found, direct)
+    bandwidth = resonance / configuration.actuator.quality_factor
+    assert abs(frequencies[:, 0] - resonance).max() < 0.5 * bandwidth
 
 
 SECOND = 1000 * MILLISECOND

@@ -312,3 +312,24 @@ def test_nothing_to_average_is_none_and_not_zero():
     assert found["contact_force_mean"] is found["contact_force_max"] is None
     # Preload less the spring's deflection, which is that of the drill tool under load: tiny.
     assert found["reacting_force_mean"] == pytest.approx(8.0, rel=1e-3)
+
+
+RESTING = {"weight_on_bit": 8.0, "gravity": 9.81} | {
+    "actuator_restitution": 0.6,
+    "drill_tool_restitution": 0.3,
+}
+
+
+@pytest.mark.parametrize(
+    ("regime", "values", "share"),
+    [("drilling", {}, 1.0), ("free", {}, 1.0), ("free", RESTING, 0.5)],
+    ids=["drilling", "before drilling", "before drilling, with rests on the tool"],
+)
+def test_impulses_of_impacts_add_up_to_the_momentum_unless_the_mass_rests_on_the_tool(
+    regime, values, share
+):
+    parameters = preset(regime).replace(**values)
+    block, statistics = Simulation(parameters, 0.2).advance_to(20 * SECOND), Statistics()
+    statistics.add(block)
+    needed = statistics.figures()["reacting_force_mean"] + parameters.free_mass * parameters.gravity
+    assert block.impacts["impulse"].sum() / 20.0 == pytest.approx(share * needed, rel=0.03)

@@ -7,7 +7,6 @@ drills with known parameters.
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.whole_folder import whole_file, write_whole
 from rpud_sim.simulation import EngineError
@@ -371,7 +371,7 @@ def run_proof(
     folder = FitFolder(out, specification, workers, report)
     with folder.held():
         proof = _prove(folder, specification, drills, report)
-        write_whole(out / "proof.json", f"{json.dumps(proof, indent=1)}\n")
+        write_whole(out / "proof.json", f"{json_text(proof, indent=1)}\n")
     return proof
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from rpud_sim.foundation.json_text import finite_values, json_text
 from rpud_sim.foundation.quantities import ShownQuantity, quantity_in
-from rpud_sim.foundation.values import finite_values
 from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.simulation.configuration import to_configuration, to_values
@@ -167,7 +166,7 @@ def fit_versions() -> dict[str, str]:
 
 def write_fit(fit: Fit, folder: Path, command: str) -> None:
     """Write all files of a fit to a folder; the command makes them again."""
-    write_whole(folder / "fit.json", json.dumps(fit_content(fit), indent=1, allow_nan=False) + "\n")
+    write_whole(folder / "fit.json", json_text(fit_content(fit), indent=1) + "\n")
     write_whole(folder / "parameters.yaml", _parameter_file(fit, command))
     if not fit.refusal:
         text = io.StringIO()

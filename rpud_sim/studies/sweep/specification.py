@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
@@ -139,7 +139,7 @@ class PlannedRun:
         entry = {**dataclasses.asdict(self.injection.fault), "onset": self.onset / SECOND}
         if self.injection.duration:
             entry["duration"] = self.injection.duration / SECOND
-        return json.dumps({"seed": self.seed, "faults": [entry]}) + "\n"
+        return json_text({"seed": self.seed, "faults": [entry]}) + "\n"
 
 
 @dataclasses.dataclass(frozen=True)

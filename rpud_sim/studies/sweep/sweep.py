@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import json
 import platform
 import shutil
 import tempfile
@@ -24,6 +23,7 @@ import pyarrow.parquet as pq
 from scipy.stats import qmc
 
 from rpud_sim.bag.metadata import Manifest, installed_versions
+from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.whole_folder import whole_file, whole_folder, write_whole
 from rpud_sim.recorded.offline_bag import write_offline_bag
@@ -284,7 +284,7 @@ def run_sweep(
         indices = {}
         if sweep.design == "saltelli":
             indices = figure_indices(sweep, table)
-            write_whole(out / "indices.json", json.dumps(indices, indent=2) + "\n")
+            write_whole(out / "indices.json", json_text(indices, indent=2) + "\n")
         page = out / "report.html"
         write_whole(page, sweep_page(sweep, table, failures, indices))
         runs = folder.simulated, folder.kept
@@ -299,7 +299,7 @@ def make_manifest(sweep: SweepSpecification) -> dict[str, Any]:
         "specification": dataclasses.asdict(sweep),
         "versions": engine_versions() | {name: version_of(name) for name in writers},
     }
-    text = json.dumps(depends, sort_keys=True)
+    text = json_text(depends, sort_keys=True)
     return depends | {
         "points": sweep.point_count,
         "simulations": sweep.simulations,
