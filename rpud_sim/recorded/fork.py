@@ -20,6 +20,7 @@ from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import (
     Change,
     Configure,
+    Flush,
     PlannedChanges,
     in_order,
     journal_form,
@@ -69,7 +70,12 @@ class Fork:
         self._changes = changes
         _check_instant(self.recorded, self.time)
         plan = self.recorded.plan
-        self._before = tuple(change for change in plan.changes if change.time <= self.time)
+        # A run that goes on after its recorded end has not ended there.
+        self._before = tuple(
+            replace(change, action=Flush()) if isinstance(change.action, Flush) else change
+            for change in plan.changes
+            if change.time <= self.time
+        )
         self._own = tuple(replace(each, time=self.time + each.time) for each in changes.changes)
 
     @property

@@ -148,8 +148,8 @@ class Lockstep:
             self._client.pause()
             self._client.set_parameters(real_time_factor=1.0)  # the one that no reset restores
             self._process.scenario.write_text(scenario)
+            self._collector.forget_others()  # first: the drill publishes what has subscribers then
             self._reset(seed)
-            self._collector.forget_others()
         except (ClientError, LostMessagesError) as error:
             raise DrillError(f"the drill cannot be reset: {error}") from error
         self._computed.refresh()
