@@ -19,6 +19,7 @@ from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
 from rpud_sim.viewer.history import (
     IMPACTS,
+    SECTION,
     History,
     Signal,
     plain_status,
@@ -139,7 +140,7 @@ class RecordedDrill(History):
         return time
 
     def section(self, time: float) -> dict[str, Any] | None:
-        return self.waveforms.section(time)
+        return self.waveforms.section(max(time, SECTION))  # at the start, the first motion
 
     def _series(
         self, signal: Signal, numbers: Sequence[int], start: float, end: float

@@ -111,6 +111,11 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
     return dict(sorted(readers.items())), left_out
 
 
+def _is_own(reader: TopicReader) -> bool:
+    """Whether a topic is one that only a drill publishes; commands and other programs are not."""
+    return reader.type.startswith(OURS) and not is_foreign(reader.topic)
+
+
 class TimeLine:
     """Times since a bag began of a drill's stamps: a run begins where the one before ended.
 
@@ -202,8 +207,7 @@ class RecordedBag:
 
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
-        ours = [name for name, reader in self.readers.items() if reader.type.startswith(OURS)]
-        return drill in map(namespace, ours)
+        return any(_is_own(each) for each in self.readers.values() if namespace(each.topic) == drill)
 
     def topic(self, drill: str, kind: str) -> str:
         """Return the topic of a drill with messages of a type, the drill's own first; or ""."""

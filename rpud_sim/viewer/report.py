@@ -30,7 +30,7 @@ from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
-from rpud_sim.viewer.commands import COMMAND
+from rpud_sim.viewer.commands import COMMAND, RUN
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
 from rpud_sim.viewer.recording import STATUS_TYPE
@@ -226,7 +226,7 @@ def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
     """Return statistics of each segment between commands and faults of a frame."""
     end, faults = float(frame["now"]), frame["faults"]
     impacts, [bins] = history.impacts, history.bins
-    moments = [entry["time"] for entry in frame["log"] if entry["kind"] == COMMAND]
+    moments = [entry["time"] for entry in frame["log"] if entry["kind"] in (COMMAND, RUN)]
     moments += [fault[name] for fault in faults for name in ("onset", "end")]
     begins = [0.0]
     for moment in sorted(moment for moment in moments if moment and 0.0 < moment < end):

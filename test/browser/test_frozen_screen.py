@@ -71,7 +71,11 @@ def frame():
             "band": "5-95 %", "layers": layers,
         },
         "moments": [moment(time) for time in (5.0, 20.0, 35.0)],
-        "log": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}],
+        "log": [
+            {"time": 0.0, "kind": "run", "text": "a run begins"},
+            {"time": 9.0, "kind": "command", "text": "weight on bit 9 N"},
+            {"time": 30.0, "kind": "run", "text": "a run begins"},
+        ],
         "report": {
             "verdict": "failed",
             "test": "test_a_hard_rock",
@@ -127,7 +131,9 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
 
 def test_playhead_picks_section_numbers_and_hole_there(frozen):
     page = frozen()
-    assert of_screen(page, "screen.clock.block.time") == 35.0
+    assert of_screen(page, "screen.playhead.time") == 0.0
+    of_screen(page, "screen.playhead.seek(40)")
+    until_screen(page, "screen.clock.block.time === 35")
     until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
     frames = "document.documentElement.dataset.frame"
     before = page.tab.evaluate(frames)
@@ -144,6 +150,15 @@ def test_playhead_picks_section_numbers_and_hole_there(frozen):
     until_screen(page, "screen.clock.block.time === 35")
     page.tab.keyboard.press("n")
     text_has(page, "#found", "there is no further impact in this report")
+
+
+def test_a_reset_is_marked_as_a_command_is(frozen):
+    page = frozen()
+    marked = page.tab.evaluate(
+        "import('/share/marks.js').then(({ commandsOf }) => import('/share/screen.js').then("
+        "({ rpudScreen }) => commandsOf(rpudScreen.seen).map(({ time }) => time)))"
+    )
+    assert marked == [9.0, 30.0]
 
 
 @pytest.mark.parametrize("width", [PHONE, WIDE])

@@ -218,3 +218,11 @@ def test_a_late_recording_begins_at_zero_and_what_came_before_its_first_run_is_s
     assert (late.number(541), len(late.runs)) == (0, 1)
     torn = TimeLine([last], first_of(400, 401), 401)  # the beginning of its first run is missing
     assert [torn.offset(401), torn.offset(501)] == [400, 7 - 100]
+
+
+def test_recorded_commands_are_no_drill_beside_the_drill(tmp_path):
+    recorder = ForceRecorder(tmp_path / "bag")
+    recorder.write(rows_of(200))
+    recorder.write(rows_of(200), "/rpud/command/force")
+    recorder.close()
+    assert first_frame(recorder.path)["drills"] == ["/rpud"]

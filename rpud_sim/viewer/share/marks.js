@@ -150,9 +150,9 @@ export function drawWords(plot, seen) {
   ctx.restore();
 }
 
-/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands; faults are shaded */
+/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, and resets; faults are shaded */
 export function commandsOf(seen) {
-  return (seen.log ?? []).filter((each) => each.kind === "command");
+  return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || (kind === "run" && time > 0));
 }
 
 /** Return a time in words, with the commands and faults there.

@@ -229,8 +229,8 @@ class Screen {
   /** Keep the playhead in view. */
   reveal() {
     const { start, end } = this.range;
-    const { time, playing, moved } = this.playhead;
-    if (moved && !playing) this.source.send({ section: true });
+    const { time, playing } = this.playhead;
+    if (!playing) this.source.send({ section: true });
     if (this.zoomed && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
     else this.drawTime();
   }
@@ -261,13 +261,15 @@ class Screen {
       "+": () => this.scale(1 / ZOOM),
       "-": () => this.scale(ZOOM),
       Home: () => this.look(null),
-      n: () => this.past && this.playhead.jump("next"),
-      p: () => this.past && this.playhead.jump("previous"),
-      " ": () => element(this.past ? "play" : "pause").click(),
+      n: () => this.playhead.jump("next"),
+      p: () => this.playhead.jump("previous"),
+      " ": () => this.playhead.toggle(),
     };
     document.addEventListener("keydown", (event) => {
       const busy = event.target instanceof Element && event.target.closest(`input, select, [popover], .wide${event.key === " " ? ", button, summary" : ""}`);
-      if (busy || event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
+      // One reader's key must not pause a drill that others use.
+      const absent = !this.past && "np ".includes(event.key);
+      if (busy || absent || event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
       event.preventDefault();
       keys[event.key]();
     });
