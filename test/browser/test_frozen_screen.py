@@ -161,6 +161,45 @@ def test_a_reset_is_marked_as_a_command_is(frozen):
     assert marked == [9.0, 30.0]
 
 
+def test_garbage_neither_hides_what_is_sane_nor_leaves_its_box(frozen):
+    """One value of seven is a random bit pattern, as of a sensor with the fault ``garbage``."""
+    page = frozen(width=PHONE)
+    random = np.random.default_rng(1)
+    values = RAMP.copy()
+    values[::7] = random.integers(0, 2**64, len(values[::7]), np.uint64).view(np.float64)
+    sound = np.isfinite(values)
+    shown = np.clip(values[sound], -3e38, 3e38).tolist()  # as 32-bit numbers come
+    layer = {"t": RAMP[sound].tolist(), "mean": shown}
+    page.tab.evaluate(
+        "(layer) => import('/share/screen.js').then(({ rpudScreen: screen }) => {"
+        "screen.seen.view.layers = { reacting_force: layer, peak_force: layer };"
+        "screen.seen.timeline = { ...layer, low: layer.mean, high: layer.mean };"
+        "screen.numbers.draw({ peak_force: { mean: -7.6e35, least: -1e36, greatest: 2,"
+        " spark: layer.mean.slice(0, 60) } });"
+        "screen.drawTime(); })",
+        layer,
+    )
+    load = "screen.plots.plots.find(({ definition }) => definition.id === 'load')"
+    low, high = of_screen(page, f"{load}.ends")
+    assert (0.9 * END < high < 3 * END, -END < low <= 0.0) == (True, True)
+    low, high = of_screen(page, "screen.timeline.ends")
+    assert (0.9 * END < high < 3 * END, -END < low <= 0.0) == (True, True)
+    text_is(page, "[data-number=peak_force]", "\N{MINUS SIGN}7.60e+32")
+    output = "document.querySelector('[data-number=peak_force]')"
+    assert page.tab.evaluate(f"{output}.scrollWidth <= {output}.clientWidth")
+    page.keep("garbage")
+
+
+def test_what_happens_seldom_is_no_garbage(frozen):
+    page = frozen()
+    rest = [1e-9, -2e-9, 3e-10] * 300
+    ends = "(values) => import('/share/quantities.js').then((all) => all.clippedEnds(values))"
+    assert page.tab.evaluate(ends, [*rest, *[5.0] * 30])[1] == 5.0
+    assert page.tab.evaluate(ends, [1.0] * 100) == [1.0, 1.0]
+    assert page.tab.evaluate(ends, [0.0] * 100) == [0.0, 0.0]
+    assert page.tab.evaluate(ends, [2.0, 3.0, 1e20]) == [2.0, 3.0]
+
+
 @pytest.mark.parametrize("width", [PHONE, WIDE])
 def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
     page = frozen(width=width)
@@ -179,7 +218,20 @@ def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
 
 def test_a_value_reads_as_in_the_terminal(frozen):
     page = frozen()
-    values = [0.0, 1.247e-96, 3.3e-7, -2.5e-5, 0.0123, 0.9996, 7.0, -123.456, 98765.4, 1.5e9, None]
+    values = [
+        0.0,
+        1.247e-96,
+        3.3e-7,
+        -2.5e-5,
+        0.0123,
+        0.9996,
+        7.0,
+        -123.456,
+        98765.4,
+        1.5e9,
+        -7.6e32,
+        None,
+    ]
     for name, quantity in QUANTITIES.items():
         shown = page.tab.evaluate(
             "([name, values]) => import('/share/quantities.js')"
