@@ -161,6 +161,18 @@ def test_a_reset_is_marked_as_a_command_is(frozen):
     assert marked == [9.0, 30.0]
 
 
+def test_a_jam_of_the_past_is_called_so_at_its_time(frozen):
+    page = frozen()
+    fault = "{ kind: 'free_mass_jammed', onset: 10, end: 12, active: false }"
+    status = "{ state: 'running', regime: 'drilling' }"
+    of_screen(page, f"Object.assign(screen.seen, {{ faults: [{fault}], status: {status} }})")
+    said = []
+    for time in (9, 11, 13):
+        of_screen(page, f"(screen.seen.at = {time}, screen.controls.drawState())")
+        said.append(page.tab.text_content("#doing"))
+    assert said == ["drilling", "jammed", "drilling"]
+
+
 def test_garbage_neither_hides_what_is_sane_nor_leaves_its_box(frozen):
     """One value of seven is a random bit pattern, as of a sensor with the fault ``garbage``."""
     page = frozen(width=PHONE)

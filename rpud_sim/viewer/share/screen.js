@@ -18,6 +18,7 @@ import { Timeline } from "./timeline.js";
 const LEAST = 1e-6; // time in view [s]
 const ASKED = 60; // between two requests for another view [ms]
 const ZOOM = 1.6; // by one key
+const SILENT = 2; // without data from here on a live screen says so [s]
 const SURE = 3; // impacts that a block has by the mean rate; one with none is of another time
 
 /** All that frames have said of this run, and what the reader looks at. */
@@ -28,6 +29,7 @@ class Screen {
     this.follow = 20; // of a live drill, in view [s]; infinite for the whole run
     this.asking = false;
     this.gone = ""; // when the server went
+    this.heard = performance.now(); // when its last frame came [ms]
     this.reason = "";
     this.shown = ""; // state that the moving section shows
     this.jumps = false; // whether the next block is shown at once
@@ -45,6 +47,29 @@ class Screen {
     this.listen();
     const Source = elements("script.frame").length ? FrozenSource : SocketSource;
     this.source = new Source((frame) => this.take(frame), (open, reason) => this.connect(open, reason));
+    setInterval(() => this.watch(), 500);
+  }
+
+  /** Time since the newest data of a live screen, if that is long; else 0 [s]. */
+  get age() {
+    const age = Math.max((performance.now() - this.heard) / 1e3, this.seen.silent ?? 0);
+    return this.seen.mode === "live" && age >= SILENT ? age : 0;
+  }
+
+  /** Why nothing comes from the drill, and nothing goes there; "" while it does. */
+  get lost() {
+    const { connection, mode } = this.seen;
+    const state = mode === "live" && connection && connection.state !== "connected" ? connection.state : "";
+    return this.gone || this.age ? "not connected" : state;
+  }
+
+  /** Say it when data stop. */
+  watch() {
+    const stale = this.lost && this.lost !== "searching";
+    if (stale) document.documentElement.dataset.stale = "true";
+    else delete document.documentElement.dataset.stale;
+    this.controls.lose(this.lost);
+    this.drawBanner();
   }
 
   /** Whether the screen shows a recording, which has a playhead. */
@@ -80,7 +105,8 @@ class Screen {
     document.documentElement.dataset.connection = open ? "open" : "closed";
     this.gone = open ? "" : this.gone || new Date().toLocaleTimeString();
     this.reason = reason;
-    this.drawBanner();
+    this.heard = performance.now();
+    this.watch();
     if (!open) return;
     this.controls.forget();
     this.ask();
@@ -90,6 +116,7 @@ class Screen {
 
   /** Draw a frame with the next picture of the browser, and acknowledge it. @param {import("./frames.js").Frame} frame */
   take(frame) {
+    this.heard = performance.now();
     requestAnimationFrame(() => (this.draw(frame), this.source.send({ ack: frame.number })));
   }
 
@@ -115,9 +142,10 @@ class Screen {
     this.drawMotion(frame);
     if (frame.numbers) this.numbers.draw(frame.numbers);
     this.playhead.draw(seen, frame);
+    seen.at = this.past ? this.playhead.time : undefined;
     this.controls.draw(seen, frame);
     this.details.draw(seen, frame);
-    this.drawBanner();
+    this.watch();
     this.drawTime();
     document.documentElement.dataset.frame = String(frame.number);
   }
@@ -173,12 +201,13 @@ class Screen {
     const lost = mode === "live" && connection && connection.state !== "connected" ? connection : null;
     const gone = `The server has gone at ${this.gone}${this.reason && `: ${this.reason}`}. The screen shows what it sent last, and connects again.`;
     const since = lost?.state === "searching" ? `Searching for ${drill}` : `${drill} has gone at ${new Date(1e3 * (lost?.since ?? 0)).toLocaleTimeString()}`;
-    const state = error || (this.gone ? gone : lost ? `${since}${lost.reason && `: ${lost.reason}`}` : "");
+    const late = this.age && `No data for ${Math.floor(this.age)} s: ${this.seen.silent ? drill : "the server"} does not answer. What is shown is so old.`;
+    const state = error || (this.gone ? gone : late ? late : lost ? `${since}${lost.reason && `: ${lost.reason}`}` : "");
     const text = [state, read < 1 ? `${Math.floor(100 * read)} % of the bag is read.` : "", notice].filter(Boolean).join(" ");
     const banner = element("banner");
     if (banner.textContent !== text) banner.textContent = text;
     banner.hidden = !text;
-    banner.dataset.bad = String(Boolean(error || this.gone || lost?.state === "vanished"));
+    banner.dataset.bad = String(Boolean(error || this.gone || late || lost?.state === "vanished"));
   }
 
   // --- What is in view ---
