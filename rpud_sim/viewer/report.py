@@ -30,7 +30,7 @@ from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
-from rpud_sim.viewer.commands import COMMAND, RUN
+from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
 from rpud_sim.viewer.recording import STATUS_TYPE
@@ -118,7 +118,9 @@ def _frame(history: RecordedDrill, frame: dict[str, Any], damages: Damages) -> d
         moments[np.argmin(np.abs(moments - after))] = after
     frame["moments"] = [_moment(history, time) for time in np.unique(moments).tolist()]
     frame.pop("section", None)
-    frame["report"] = _report(history, frame, damages)
+    frame["report"] = report = _report(history, frame, damages)
+    failed = [{"time": at, "kind": FAILURE, "text": "failed"} for at in report.get("failed_at", ())]
+    frame["log"] = sorted([*frame["log"], *failed], key=lambda entry: float(entry["time"]))
     return frame
 
 

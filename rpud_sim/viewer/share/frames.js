@@ -29,7 +29,7 @@
  *   tables: Table[]}} Report
  * @typedef {{
  *   number: number, mode?: "live" | "recorded" | "frozen", quantities?: Quantity[],
- *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number, at?: number, silent?: number,
+ *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number, at?: number, silent?: number, moves?: boolean,
  *   extent?: [number, number], read?: number,
  *   connection?: {state: "searching" | "connected" | "vanished", since: number, reason: string},
  *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,

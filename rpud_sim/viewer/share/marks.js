@@ -135,7 +135,7 @@ export function drawTimes({ ctx, bbox, scales: { x: { min = 0, max = 1 } } }, ti
 export function drawWords(plot, seen) {
   const { ctx, bbox } = plot;
   const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
-  const words = [...faults, ...commandsOf(seen).map(({ time, text }) => ({ time, text, colour: "command" }))];
+  const words = [...faults, ...commandsOf(seen).map(({ time, text, kind }) => ({ time, text, colour: kind === "failure" ? "fault" : "command" }))];
   ctx.save();
   ctx.font = `${11 * uPlot.pxRatio}px system-ui, sans-serif`;
   [ctx.textAlign, ctx.textBaseline] = ["left", "top"];
@@ -151,9 +151,9 @@ export function drawWords(plot, seen) {
   ctx.restore();
 }
 
-/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, and resets; faults are shaded */
+/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, resets and failures of a test; faults are shaded */
 export function commandsOf(seen) {
-  return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || (kind === "run" && time > 0));
+  return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0));
 }
 
 /** Return a time in words, with the commands and faults there.

@@ -169,7 +169,9 @@ class TimePlot {
   mark(plot) {
     const { ctx, bbox } = plot;
     const ratio = uPlot.pxRatio;
-    drawTimes(plot, commandsOf(this.seen).map((each) => each.time), colourOf("command", 0.75), [3, 3]);
+    const [failures, commands] = [true, false].map((failed) => commandsOf(this.seen).filter(({ kind }) => (kind === "failure") === failed).map(({ time }) => time));
+    drawTimes(plot, commands, colourOf("command", 0.75), [3, 3]);
+    drawTimes(plot, failures, colourOf("fault"));
     if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
     if (this.definition.id === "peak_force") drawWords(plot, this.seen);
     ctx.save();

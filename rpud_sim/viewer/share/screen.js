@@ -135,6 +135,7 @@ class Screen {
     if (frame.mode) document.documentElement.dataset.mode = frame.mode;
     // The source knows a whole run only by its ends.
     if ((frame.mode && frame.mode !== mode) || (frame.extent && frame.extent[1] !== extent?.[1] && !this.zoomed && !this.follows)) this.ask();
+    if (frame.moves !== undefined) document.documentElement.dataset.moves = String(frame.moves);
     if (frame.plots) this.plots.define(frame.plots);
     if (frame.drill !== undefined || frame.drills) this.drawDrills();
     if (frame.status?.regime) this.section.setRegime(frame.status.regime);

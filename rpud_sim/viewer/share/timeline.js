@@ -48,9 +48,10 @@ export class Timeline {
     const ratio = uPlot.pxRatio;
     ctx.save();
     const place = placesOf(plot);
-    ctx.fillStyle = colourOf("command");
-    for (const { time } of commandsOf(this.seen))
+    for (const { time, kind } of commandsOf(this.seen)) {
+      ctx.fillStyle = colourOf(kind === "failure" ? "fault" : "command");
       ctx.fillRect(place(time) - ratio / 2, bbox.top + bbox.height - 8 * ratio, ratio * 1.5, 8 * ratio);
+    }
     const [from, to] = [place(this.range.start), place(this.range.end)];
     ctx.fillStyle = colourOf("paper", 0.62);
     ctx.fillRect(bbox.left, bbox.top, from - bbox.left, bbox.height);
