@@ -142,7 +142,9 @@ class ReplayOptions:
     topics: Sequence[str] | None = option(
         None, "replay only these topics (absolute names)", nargs="+", metavar="TOPIC"
     )
-    exclude: Sequence[str] = option((), "leave these topics out", nargs="+", action="extend", metavar="TOPIC")
+    exclude: Sequence[str] = option(
+        (), "leave these topics out", nargs="+", action="extend", metavar="TOPIC"
+    )
     remap: Sequence[str] = option(
         (),
         "publish a topic under another name (both absolute)",

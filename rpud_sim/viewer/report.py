@@ -76,10 +76,9 @@ def write_report(
             raise RecordingError(str(error)) from None
         recording, damages = store.recording, Damages(store.recording.bag)
         history, frame = store.histories[client.drill], store.frame(client) or {}
-        page = frozen_page(
-            f"{Path(path).resolve().name} – report",
-            encode(_frame(history, frame, damages)),
-        )
+        shown = _frame(history, frame, damages)
+        name = f"{Path(path).resolve().name} – report"
+        page = frozen_page(name, encode(shown), without_scripts(shown))
         write_new_file(out, page)
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
@@ -168,8 +167,39 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
     return seen | {"tables": tables}
 
 
-def frozen_page(title: str, frame: bytes) -> str:
+def without_scripts(frame: Mapping[str, Any]) -> str:
+    """Return HTML of verdict and numbers of a report, for who opens it where scripts are blocked.
+
+    The screen removes it. An element ``noscript`` would be hidden where a policy blocks scripts.
+    """
+    report = frame["report"]
+    parts = [f"<p>Drill {_escaped(frame['drill'])}, {float(frame['now']):.6g} s.</p>"]
+    if report.get("verdict"):
+        said = "".join(f"<li>{_escaped(line)}</li>" for line in report["requirements"])
+        verdict = f"{report['verdict']} \N{MIDDLE DOT} {report['test']}"
+        parts.append(f"<h2>{_escaped(verdict)}</h2><ul>{said}</ul>")
+    parts.append(
+        "<p>Plots and motion are missing: they need scripts, which are blocked here. "
+        "Save this file and open it in a browser.</p>"
+    )
+    for table in report["tables"][:2]:
+        rows = [
+            f"<tr>{''.join(f'<td>{_escaped(each)}</td>' for each in r)}</tr>" for r in table["rows"]
+        ]
+        heads = "".join(f'<th scope="col">{_escaped(each)}</th>' for each in table["columns"])
+        title = f"<caption>{_escaped(table['title'])}</caption>"
+        parts.append(f"<table>{title}<tr>{heads}</tr>{''.join(rows)}</table>")
+    return f'<section class="static" aria-label="summary">{"".join(parts)}</section>'
+
+
+def _escaped(value: object) -> str:
+    return html.escape(printable(str(value)))
+
+
+def frozen_page(title: str, frame: bytes, summary: str) -> str:
     """Return the screen with one frame, as one HTML file that needs no server and no network.
+
+    ``summary`` is HTML that is shown without scripts.
 
     Its policy allows no request, and no script or style but these, by their hashes.
     """
@@ -196,6 +226,7 @@ def frozen_page(title: str, frame: bytes) -> str:
         text,
         count=1,
     )
+    text = text.replace("<main>", f"<main>{summary}").replace(">searching<", "><")
     return text.replace("</body>", tail)
 
 

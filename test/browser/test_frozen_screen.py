@@ -228,6 +228,29 @@ def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
         page.check()
 
 
+def test_on_paper_nothing_is_cut_and_all_is_unfolded(frozen):
+    page = frozen()
+    page.tab.emulate_media(media="print")
+    page.tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.tab.locator("#details table").count() > 2
+    # A printer lays out once, and no script follows the new width.
+    boxes = page.tab.evaluate("""() => {
+      document.body.style.width = "700px";
+      const figures = [...document.querySelectorAll("#plots > figure:not([hidden]), .strip")];
+      return figures.map((figure) => [figure, figure.querySelector("canvas")].map(
+        (each) => (({ left, top, right, bottom }) => [left, top, right, bottom])(each.getBoundingClientRect())));
+    }""")
+    assert len(boxes) >= 4
+    bottom = 0.0
+    for (_, top, _, end), (left, canvas_top, right, canvas_end) in boxes:
+        assert (left >= 0, right <= 700.5, top >= bottom - 0.5) == (True, True, True)
+        assert (top <= canvas_top, canvas_end <= end + 0.5) == (True, True)
+        bottom = end
+    page.tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert not page.tab.locator("#details details[open]").count()
+    page.tab.evaluate("document.body.style.width = ''")
+
+
 def test_a_value_reads_as_in_the_terminal(frozen):
     page = frozen()
     values = [

@@ -115,6 +115,24 @@ def test_the_verdict_of_a_test_is_in_the_report(bag, tmp_path):
     assert report["requirements"] == ["[R1] calm: failed"]
 
 
+def test_without_scripts_a_report_has_verdict_and_numbers_and_says_why(page, bag, tmp_path):
+    assert ">searching<" not in page
+    static = page.partition('<section class="static"')[2].partition("</section>")[0]
+    assert "Drill /rpud, 2" in static
+    assert "they need scripts, which are blocked here" in static
+    assert static.count("<table>") == 2
+    assert "free mass jammed" in static
+    said = RunVerdict("test_<b>", "failed", "7", ("[R1] calm: <i>",))
+    records = {VERDICT_RECORD: said.to_record()}
+    rewritten(bag, tmp_path / "bag", topics={"/rpud/reacting_force"}, records=records)
+    write_report(tmp_path / "bag", tmp_path / "out.html")
+    text = (tmp_path / "out.html").read_text()
+    assert (
+        "<h2>failed \N{MIDDLE DOT} test_&lt;b&gt;</h2><ul><li>[R1] calm: &lt;i&gt;</li></ul>"
+        in text
+    )
+
+
 def test_the_reason_of_a_failure_is_the_line_of_pytest():
     text = "drill = <rpud_sim.testing.drill.Drill object at 0x7f>\n\n>   assert 1 == 2\n"
     assert _reason(f"{text}E   assert 1 == 2\nE    +  more\n\ntest.py:3") == ["assert 1 == 2"]

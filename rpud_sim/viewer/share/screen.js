@@ -24,6 +24,7 @@ const SURE = 3; // impacts that a block has by the mean rate; one with none is o
 /** All that frames have said of this run, and what the reader looks at. */
 class Screen {
   constructor() {
+    for (const each of elements(".static")) each.remove(); // what a report says without scripts
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     /** @type {import("./marks.js").Range | null} */ this.zoomed = null; // null: follow the drill, or show all
     this.follow = 20; // of a live drill, in view [s]; infinite for the whole run
