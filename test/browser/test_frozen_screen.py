@@ -116,12 +116,14 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
         page, "['mean', 'low'].map((name) => Array.from(screen.seen.view.layers.peak_force[name]))"
     )
     times = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
+    text_has(page, "[data-plot=peak_force] .key", "mean, widest 5.95 %")
     assert means == pytest.approx(times)  # joined bins keep the mean, and the least
     assert (np.array(lows) < times - 1.0).all()
     gap = of_screen(page, "screen.seen.view.layers.reacting_force.mean.findIndex(Number.isNaN)")
     assert gap == pytest.approx(GAP * len(means) / BINS, abs=1)
     of_screen(page, "screen.zoom(10, 11)")
     until_screen(page, "screen.seen.view.start === 10")
+    text_has(page, "[data-plot=peak_force] .key", "mean, 5.95 %")
     found = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
     assert np.diff(found) == pytest.approx(END / BINS)
     assert 9.9 < found[0] < 10.01
@@ -150,6 +152,19 @@ def test_playhead_picks_section_numbers_and_hole_there(frozen):
     until_screen(page, "screen.clock.block.time === 35")
     page.tab.keyboard.press("n")
     text_has(page, "#found", "there is no further impact in this report")
+
+
+def test_joined_means_are_weighted_by_the_number_of_impacts(frozen):
+    page = frozen()
+    joined = page.tab.evaluate(
+        "import('/share/screen.js').then(({ rpudScreen: { source } }) => {"
+        "const answered = source.onFrame; let found;"
+        "source.onFrame = ({ view }) => { found = Array.from(view.layers.few.mean); };"
+        "source.held.view.layers.few = { t: [1, 2, 3, 4], mean: [1, 5, 2, 2], count: [3, 1, 1, 1] };"
+        "source.send({ view: { start: 0, end: 9, width: 4 } });"
+        "delete source.held.view.layers.few; source.onFrame = answered; return found; })"
+    )
+    assert joined == [2.0, 2.0]
 
 
 def test_a_reset_is_marked_as_a_command_is(frozen):

@@ -5,7 +5,7 @@
  * Times are seconds of the run, values are in SI units; a field that is absent is as it was.
  * @typedef {{t: Float64Array, v: Float32Array}} Steps
  * @typedef {ArrayLike<number>} Values
- * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, band?: string,
+ * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, count?: Values, band?: string,
  *   outliers?: Steps & {more: number}}} Layer
  * @typedef {{start: number, end: number, detail: "overview" | "messages" | "waveform",
  *   band: string, layers: Record<string, Layer>}} View
