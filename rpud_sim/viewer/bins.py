@@ -163,8 +163,8 @@ class Impacts:
         """Return the spread of the peak forces in about so many parts of a range of time [s].
 
         ``low`` and ``high`` are the ends of the band with 90 % of them; without an impact they are
-        NaN, as ``mean``. ``outliers`` stand out above the band; ``more`` are not among these. ``count`` is how
-        many impacts a part has.
+        NaN, as ``mean``. ``outliers`` stand out above the band; ``more`` are not among these.
+        ``count`` is the number of impacts in a part.
         Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
         when the range moves.
         """

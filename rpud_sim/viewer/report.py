@@ -76,9 +76,9 @@ def write_report(
             raise RecordingError(str(error)) from None
         recording, damages = store.recording, Damages(store.recording.bag)
         history, frame = store.histories[client.drill], store.frame(client) or {}
-        shown = _frame(history, frame, damages)
-        name = f"{Path(path).resolve().name} – report"
-        page = frozen_page(name, encode(shown), without_scripts(shown))
+        frozen = _frame(history, frame, damages)
+        title = f"{Path(path).resolve().name} – report"
+        page = frozen_page(title, encode(frozen), without_scripts(frozen))
         write_new_file(out, page)
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
@@ -183,12 +183,10 @@ def without_scripts(frame: Mapping[str, Any]) -> str:
         "Save this file and open it in a browser.</p>"
     )
     for table in report["tables"][:2]:
-        rows = [
-            f"<tr>{''.join(f'<td>{_escaped(each)}</td>' for each in r)}</tr>" for r in table["rows"]
-        ]
         heads = "".join(f'<th scope="col">{_escaped(each)}</th>' for each in table["columns"])
-        title = f"<caption>{_escaped(table['title'])}</caption>"
-        parts.append(f"<table>{title}<tr>{heads}</tr>{''.join(rows)}</table>")
+        rows = ["".join(f"<td>{_escaped(each)}</td>" for each in row) for row in table["rows"]]
+        body = "".join(f"<tr>{row}</tr>" for row in [heads, *rows])
+        parts.append(f"<table><caption>{_escaped(table['title'])}</caption>{body}</table>")
     return f'<section class="static" aria-label="summary">{"".join(parts)}</section>'
 
 

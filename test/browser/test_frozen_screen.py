@@ -160,7 +160,8 @@ def test_joined_means_are_weighted_by_the_number_of_impacts(frozen):
         "import('/share/screen.js').then(({ rpudScreen: { source } }) => {"
         "const answered = source.onFrame; let found;"
         "source.onFrame = ({ view }) => { found = Array.from(view.layers.few.mean); };"
-        "source.held.view.layers.few = { t: [1, 2, 3, 4], mean: [1, 5, 2, 2], count: [3, 1, 1, 1] };"
+        "const few = { t: [1, 2, 3, 4], mean: [1, 5, 2, 2], count: [3, 1, 1, 1] };"
+        "source.held.view.layers.few = few;"
         "source.send({ view: { start: 0, end: 9, width: 4 } });"
         "delete source.held.view.layers.few; source.onFrame = answered; return found; })"
     )
@@ -252,8 +253,9 @@ def test_on_paper_nothing_is_cut_and_all_is_unfolded(frozen):
     boxes = page.tab.evaluate("""() => {
       document.body.style.width = "700px";
       const figures = [...document.querySelectorAll("#plots > figure:not([hidden]), .strip")];
-      return figures.map((figure) => [figure, figure.querySelector("canvas")].map(
-        (each) => (({ left, top, right, bottom }) => [left, top, right, bottom])(each.getBoundingClientRect())));
+      const box = (each) => each.getBoundingClientRect();
+      const ends = ({ left, top, right, bottom }) => [left, top, right, bottom];
+      return figures.map((each) => [ends(box(each)), ends(box(each.querySelector("canvas")))]);
     }""")
     assert len(boxes) >= 4
     bottom = 0.0

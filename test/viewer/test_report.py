@@ -127,10 +127,8 @@ def test_without_scripts_a_report_has_verdict_and_numbers_and_says_why(page, bag
     rewritten(bag, tmp_path / "bag", topics={"/rpud/reacting_force"}, records=records)
     write_report(tmp_path / "bag", tmp_path / "out.html")
     text = (tmp_path / "out.html").read_text()
-    assert (
-        "<h2>failed \N{MIDDLE DOT} test_&lt;b&gt;</h2><ul><li>[R1] calm: &lt;i&gt;</li></ul>"
-        in text
-    )
+    assert "<h2>failed \N{MIDDLE DOT} test_&lt;b&gt;</h2>" in text
+    assert "<ul><li>[R1] calm: &lt;i&gt;</li></ul>" in text
 
 
 def test_the_reason_of_a_failure_is_the_line_of_pytest():
