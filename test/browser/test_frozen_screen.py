@@ -212,6 +212,9 @@ def test_garbage_neither_hides_what_is_sane_nor_leaves_its_box(frozen):
     assert (0.9 * END < high < 3 * END, -END < low <= 0.0) == (True, True)
     low, high = of_screen(page, "screen.timeline.ends")
     assert (0.9 * END < high < 3 * END, -END < low <= 0.0) == (True, True)
+    drawn = of_screen(page, f"{load}.plot.data[1].filter((each) => each !== null)")
+    assert len(drawn) > 0.8 * BINS  # what is sane, and no line to garbage
+    assert max(map(abs, drawn)) < 20 * END
     text_is(page, "[data-number=peak_force]", "\N{MINUS SIGN}7.60e+32")
     output = "document.querySelector('[data-number=peak_force]')"
     assert page.tab.evaluate(f"{output}.scrollWidth <= {output}.clientWidth")

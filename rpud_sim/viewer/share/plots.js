@@ -20,13 +20,13 @@ export function placeOf(times, time) {
   return low - 1;
 }
 
-/** Return scaled values with null for what is no number, as plots need them; what is far outside of an axis stays outside.
+/** Return scaled values with null for what is no number, as plots need them, and for garbage far outside of an axis: no line leads there.
  * @param {ArrayLike<number> | undefined} values @param {number} count @param {number} scale
  * @param {[number, number] | null} ends of the axis @returns {(number | null)[]} */
 export function columnOf(values, count, scale = 1, ends = null) {
   const [low, high] = ends ? [9 * ends[0] - 8 * ends[1], 9 * ends[1] - 8 * ends[0]] : [-Infinity, Infinity];
-  const within = (/** @type {number} */ value) => Math.max(low, Math.min(high, value * scale));
-  return Array.from({ length: count }, (_, i) => (values && Number.isFinite(values[i]) ? within(values[i]) : null));
+  const within = (/** @type {number} */ value) => Number.isFinite(value) && value >= low && value <= high;
+  return Array.from({ length: count }, (_, i) => (values && within(values[i] * scale) ? values[i] * scale : null));
 }
 
 /** One plot, with its title or choice of quantities, and its legend. */
