@@ -438,6 +438,7 @@ class RunVerdict:
     verdict: str  # ``passed``, ``failed`` or ``undecided``
     seed: str  # of all random numbers
     requirements: tuple[str, ...] = ()  # each with its verdict, value and time, in one line
+    failed_at: tuple[float, ...] = ()  # simulation times of failures [s]
 
     def to_record(self) -> dict[str, str]:
         """Return the content of the metadata record: one key with a JSON object."""
@@ -449,4 +450,6 @@ def tested_from_record(record: Mapping[str, str]) -> RunVerdict:
     with parsing(f"the record {VERDICT_RECORD}"):
         value = json.loads(record["test"])
         lines = tuple(str(line) for line in value["requirements"])
-        return RunVerdict(str(value["test"]), str(value["verdict"]), str(value["seed"]), lines)
+        times = tuple(float(time) for time in value.get("failed_at", ()))
+        test, verdict, seed = (str(value[name]) for name in ("test", "verdict", "seed"))
+        return RunVerdict(test, verdict, seed, lines, times)

@@ -343,13 +343,16 @@ def _exponent(value: float) -> int:
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """Return a number with some significant digits, and with all of them before the point."""
+    """Return a number with some significant digits, and with all of them before the point.
+
+    One of more than nine digits before the point has an exponent.
+    """
     if not math.isfinite(value):
         return NONE
     if not value:
         return "0"
     places = max(0, digits - 1 - _exponent(value))
-    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{digits - 1}e}"
+    text = f"{value:.{places}f}" if places <= 9 and abs(value) < 1e9 else f"{value:.{digits - 1}e}"
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 

@@ -50,10 +50,11 @@ class RecordOptions:
         type=pattern,
         metavar="EXPRESSION",
     )
-    exclude: re.Pattern[str] | None = option(
-        None,
-        "record no topic whose name contains this expression",
+    exclude: Sequence[re.Pattern[str]] = option(
+        (),
+        "record no topic whose name contains this expression; may be given several times",
         type=pattern,
+        action="append",
         metavar="EXPRESSION",
     )
     out: str = required("the bag's new folder; nothing is overwritten", metavar="DIR")
@@ -145,7 +146,9 @@ class ReplayOptions:
     topics: Sequence[str] | None = option(
         None, "replay only these topics (absolute names)", nargs="+", metavar="TOPIC"
     )
-    exclude: Sequence[str] = option((), "leave these topics out", nargs="+", metavar="TOPIC")
+    exclude: Sequence[str] = option(
+        (), "leave these topics out", nargs="+", action="extend", metavar="TOPIC"
+    )
     remap: Sequence[str] = option(
         (),
         "publish a topic under another name (both absolute)",

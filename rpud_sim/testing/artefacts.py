@@ -29,6 +29,7 @@ from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.testing.drill import Drill
+from rpud_sim.verdicts.verdict import FAILED
 
 _MARKER = "artefacts.json"  # only a folder with it is overwritten
 _LAST = 5  # commands in the failure's text
@@ -69,8 +70,11 @@ def leave_artefacts(
         for index, system in enumerate(drill.systems, 1):
             file = own / f"{index}_{_NAME.sub('_', system.name)}.log"
             file.write_text(f"$ {' '.join(system.command)}\n{system.output}")
-        said = drill.verdict_lines or failure.splitlines()[:1]
-        tested = RunVerdict(test, "failed" if failure else "passed", str(drill.seed), tuple(said))
+        said = drill.verdict_lines or _reason(failure)
+        broken = [each.at for each in drill.verdicts if each.outcome == FAILED]
+        times = [at for at in broken if at is not None] or [drill.time]
+        verdict = ("failed", times) if failure else ("passed", [])
+        tested = RunVerdict(test, verdict[0], str(drill.seed), tuple(said), tuple(verdict[1]))
         bag, page = own / "bag", own / "report.html"
         try:
             write_bag(bag, drill, tested)
@@ -85,6 +89,13 @@ def leave_artefacts(
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json_text({"test": test, **dict(properties)}, indent=2) + "\n")
     return "\n".join(lines), properties
+
+
+def _reason(failure: str) -> list[str]:
+    """Return the line in which pytest says why a test has failed, of the text of its failure."""
+    lines = failure.splitlines()
+    reasons = [line.removeprefix("E  ").strip() for line in lines if line.startswith("E  ")]
+    return (reasons or lines)[:1]
 
 
 def _empty_folder(folder: Path, test: str) -> Path:
@@ -127,6 +138,8 @@ def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> Non
         if tested is not None:
             bag.add_record(TESTED_RECORD, tested.to_record())
         for name, heard in sorted(drill.heard.items()):
+            if name == f"{drill.namespace}/waveform":  # large, and the trajectory has it all
+                continue
             package, _, rest = heard.kind.__module__.partition(".")
             kind = f"{package}/{rest.split('.')[0]}/{heard.kind.__name__}"
             offer = QosProfile(durability="transient_local" if heard.latched else "volatile")

@@ -164,6 +164,7 @@ class Impacts:
 
         ``low`` and ``high`` are the ends of the band with 90 % of them; without an impact they are
         NaN, as ``mean``. ``outliers`` stand out above the band; ``more`` are not among these.
+        ``count`` is the number of impacts in a part.
         Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
         when the range moves.
         """
@@ -193,7 +194,8 @@ class Impacts:
         more = len(far) - len(chosen)
         outliers = {"t": times[chosen], "v": peaks[chosen], "more": more}
         middles = edges[:-1] + 0.5 * width
-        return {"t": middles, "mean": mean, "low": low, "high": high, "outliers": outliers}
+        layer = {"t": middles, "mean": mean, "low": low, "high": high, "outliers": outliers}
+        return {**layer, "count": numbers.astype(np.float32)}
 
     def rate(self, start: float, end: float, parts: int) -> Layer:
         """Return the impacts per second in such parts as ``mean``."""

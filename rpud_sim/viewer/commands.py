@@ -13,7 +13,8 @@ import numpy as np
 
 from rpud_sim.foundation.quantities import QUANTITIES
 
-COMMAND, FAULT, RUN, REFUSAL = "command", "fault", "run", "refusal"  # kinds of entries
+# Kinds of entries; a failure is one of a test.
+COMMAND, FAULT, RUN, REFUSAL, FAILURE = "command", "fault", "run", "refusal", "failure"
 MOST_LOGGED = 1000  # entries that are kept, the newest
 
 _MOST_STEPS = 50_000  # changes of one quantity that are kept, at most

@@ -231,7 +231,8 @@ def encode(frame: Mapping[str, Any]) -> bytes:
         nonlocal size
         if isinstance(value, np.ndarray):
             kind = "f8" if value.dtype == np.float64 else "f4"
-            data = _filled(np.ascontiguousarray(value, f"<{kind}").tobytes())
+            with np.errstate(over="ignore"):  # garbage of a sensor
+                data = _filled(np.ascontiguousarray(value, f"<{kind}").tobytes())
             if data not in arrays:
                 arrays[data] = size
                 size += len(data)

@@ -318,7 +318,10 @@ class History:
         latest = self.latest(shown, now)
         if latest is None:
             latest = next((each for each in depth[::-1] if np.isfinite(each)), 0.0)
-        return {"depth": latest, "layers": layers, "log": well_log(depth, rate, torque)}
+        arm = self.signal("mount_position")  # at the depth of the hole the bit touches the rock
+        tip = self.latest(arm, now) if arm else None
+        log = well_log(depth, rate, torque)
+        return {"depth": latest, "tip": tip, "layers": layers, "log": log}
 
     def _bins(self, start: float) -> Bins:
         """Return the finest bins that hold all from a time on [s]."""

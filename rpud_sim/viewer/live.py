@@ -27,7 +27,7 @@ from rpud_sim.ros.client.topics import FastTopics
 from rpud_sim.ros.process import StartError
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
 from rpud_sim.viewer.live_history import LiveHistory
-from rpud_sim.viewer.server import PageServer, Place
+from rpud_sim.viewer.server import EXPIRY, PageServer, Place
 
 # Actions: methods of ``DrillClient``, with the same arguments.
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
@@ -43,6 +43,7 @@ _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
 _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
 _SEARCH_PATIENCE = 1.0  # s
 _ANSWER_PATIENCE = 10.0  # s
+_SILENT = 2  # from so many whole seconds without a status on, pages say it
 _INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
 
 MOST_DRILLS = 16  # that are heard; for a further one, one that has gone is forgotten
@@ -86,7 +87,7 @@ class Actions:
 
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
-        self.waiting: deque[tuple[str, dict[str, Any]]] = deque()  # names and arguments
+        self.waiting: deque[tuple[str, dict[str, Any], float]] = deque()  # names, arguments, times
         self._outcomes: deque[dict[str, Any]] = deque(maxlen=_KEPT)
         self._numbers = count(1)
 
@@ -104,7 +105,7 @@ class Actions:
         except TypeError as error:
             raise ParameterError(f"action {name}: {error}") from None
         if len(self.waiting) < _MOST_WAITING:
-            self.waiting.append((name, dict(arguments)))
+            self.waiting.append((name, dict(arguments), time.monotonic()))
         else:
             self._settle(name, FAILED, f"{_MOST_WAITING} actions wait already")
 
@@ -112,8 +113,11 @@ class Actions:
         """Execute the next action; return whether there was one."""
         if not self.waiting:
             return False
-        self.running, given = self.waiting.popleft()
-        name = self.running
+        name, given, asked = self.waiting.popleft()
+        if (waited := time.monotonic() - asked) > EXPIRY:
+            self._settle(name, FAILED, f"expired: it waited for {waited:.0f} s")
+            return True
+        self.running = name
         state, text = DONE, ""
         try:
             result = getattr(client, name)(**given)
@@ -178,6 +182,12 @@ class LiveDrill:
         self._thread.start()
 
     @property
+    def silent(self) -> int:
+        """Whole seconds without a status of a drill that is connected; 0 while they come."""
+        age = int(time.monotonic() - self._status_at)
+        return age if age >= _SILENT and self.connection["state"] == CONNECTED else 0
+
+    @property
     def gone(self) -> bool:
         return bool(self.error) or self.connection["state"] == VANISHED
 
@@ -228,7 +238,7 @@ class LiveDrill:
             self._status_at = time.monotonic()
 
     def _check(self) -> None:
-        waiting = {name for name, _ in tuple(self.actions.waiting)}
+        waiting = {name for name, *_ in tuple(self.actions.waiting)}
         long = self.actions.running == "step" and not waiting.isdisjoint(_INTERRUPTERS)
         if self._closed or long:
             raise InterruptedWaitError
@@ -370,7 +380,10 @@ class LiveStore(Store):
         """Queue an action."""
         if name != "act":
             raise ParameterError(f"a running drill has no {shown(name)}")
-        self._heard(client).act(content["name"], content["arguments"])
+        drill = self._heard(client)
+        if drill.silent:
+            raise ParameterError(f"not sent: {drill.namespace} is silent for {drill.silent} s")
+        drill.act(content["name"], content["arguments"])
 
     def _heard(self, client: ClientState) -> LiveDrill:
         if client.drill not in self.heard:
@@ -389,6 +402,7 @@ class LiveStore(Store):
             "drills": sorted({*self._namespaces, drill.namespace}),
             "drill": drill.namespace,
             "connection": drill.connection,
+            "silent": drill.silent,
             "kinds": drill.kinds,
             "channels": drill.channels,
             "losses": drill.lost,

@@ -19,6 +19,7 @@ from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
 from rpud_sim.viewer.history import (
     IMPACTS,
+    SECTION,
     History,
     Signal,
     plain_status,
@@ -96,7 +97,8 @@ class RecordedDrill(History):
         """Return the field ``view`` of a frame with layers of quantities by their kinds."""
         signals = {name: self.signal(name) for name in kinds if name not in IMPACTS}
         wanted = {name: signal for name, signal in signals.items() if signal is not None}
-        numbers = self._chunks({self.drill, *(each.drill for each in wanted.values())}, start, end)
+        clocks = {self.recording.clock(each.topic) for each in wanted.values()}
+        numbers = self._chunks({self.drill, *clocks}, start, end)
         if numbers is None:
             return super().view(start, end, width, kinds)
         self._reading().look(numbers)
@@ -139,7 +141,7 @@ class RecordedDrill(History):
         return time
 
     def section(self, time: float) -> dict[str, Any] | None:
-        return self.waveforms.section(time)
+        return self.waveforms.section(max(time, SECTION))  # at the start, the first motion
 
     def _series(
         self, signal: Signal, numbers: Sequence[int], start: float, end: float
@@ -268,6 +270,7 @@ class RecordedStore(Store):
             "now": now,
             "extent": [0.0, now],
             "read": self.reading.share,
+            "moves": not history.is_drill or bool(history.waveforms),
             "notice": self._notice(history),
             "timing": timing,
             "losses": losses,
@@ -286,6 +289,11 @@ class RecordedStore(Store):
         unreadable = [f"{count} of {name:.100}" for name, count in counts.items() if count]
         if unreadable:
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
+        outside = [
+            f"{count} of {name:.100}" for name, count in self.reading.outside.items() if count
+        ]
+        if outside:
+            parts.append(f"Stamps outside the run, not drawn: {', '.join(outside[:5])}.")
         if unlisted := self.reading.unlisted + history.unlisted:
             parts.append(f"{unlisted} faults or messages of faults are not shown.")
         if history.is_drill and not history.waveforms:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from bisect import bisect_left
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +25,7 @@ from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.history import GAP, History, Signal, is_foreign, namespace, usual
+from rpud_sim.viewer.time_line import Rows, TimeLine
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
 OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
@@ -47,16 +46,6 @@ _LEAST_GAP = 0.1  # s
 _LEAST_STEPS = 10  # fewer messages have no usual distance
 _TOGETHER = 16  # chunks that are read together
 _SPARE = 1.02  # of the time, for what is later than the last log time
-
-
-class Rows(NamedTuple):
-    """Messages of one topic in a part of a bag."""
-
-    log_times: np.ndarray  # shape (n,) [ns]
-    publish_times: np.ndarray  # shape (n,) [ns]
-    stamps: np.ndarray  # shape (n,) [ns]; the log times of messages without stamps
-    # of each signal, by column, shape (n,); NaN where a value cannot be drawn
-    values: dict[str, np.ndarray]
 
 
 class TopicReader:
@@ -111,46 +100,10 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
     return dict(sorted(readers.items())), left_out
 
 
-class TimeLine:
-    """Times since a bag began of a drill's stamps: a run begins where the one before ended.
-
-    Time is that of the simulation, which stands during a pause. ``first`` is the first message.
-    """
-
-    def __init__(self, runs: Sequence[RecordedRun], first: Rows, begin: int) -> None:
-        stamp, published = int(first.stamps[0]), int(first.publish_times[0])
-        late = int(first.log_times[0]) - begin  # a drill may begin after its bag
-        if (start := runs[0].window[0]) > published:  # of a run whose beginning the bag lacks
-            unknown = RecordedRun(runs[0].path, runs[0].journal, first_origin=stamp)
-            runs = [replace(unknown, window=(0, start - 1), end=start - published), *runs]
-        self.runs = [run for run in runs if run.window[1] >= published]
-        self._starts = [run.window[0] for run in self.runs[1:]]
-        self.shifts: list[int] = []  # from the time of each run to that of the bag [ns]
-        begun = stamp - int(self.runs[0].origins(np.array([published]))[0])
-        end = late if late > SECOND else 0
-        for run in self.runs:
-            self.shifts.append(end - begun)
-            end += max(run.end - begun, 0)
-            begun = 0
-        # A forged origin is an OverflowError.
-        self.offsets(np.array([e.publish_time for run in self.runs for e in run.entries], np.int64))
-
-    def number(self, published: int) -> int:
-        """Return the number of the run of a message by its publishing time [ns], from 0."""
-        return int(np.searchsorted(self._starts, published, "right"))
-
-    def offsets(self, published: np.ndarray) -> np.ndarray:
-        """Return stamps of time zero that messages have by their publishing times [ns], (n,)."""
-        numbers = np.searchsorted(self._starts, published, "right")
-        found = np.empty(len(published), np.int64)
-        for number in range(numbers.min(), numbers.max() + 1) if len(numbers) else ():
-            chosen = numbers == number
-            found[chosen] = self.runs[number].origins(published[chosen]) - self.shifts[number]
-        return found
-
-    def offset(self, published: int) -> int:
-        """Return the stamp of time zero that one message has [ns]."""
-        return int(self.offsets(np.array([published]))[0])
+def _is_own(reader: TopicReader) -> bool:
+    """Whether a topic has name and type of a drill's own; commands and other programs have not."""
+    name = reader.topic.rpartition("/")[2]
+    return name in TOPICS and reader.type == TOPICS[name].type
 
 
 class RecordedBag:
@@ -182,7 +135,8 @@ class RecordedBag:
         # and latched messages may be old: they do so only where there is nothing else.
         self._timed: dict[str, set[str]] = {}
         for drill in {*map(namespace, self.readers)} or {""}:  # nothing is readable
-            own = [each for name, each in self.readers.items() if namespace(name) == drill]
+            here = [each for name, each in self.readers.items() if namespace(name) == drill]
+            own = [each for each in here if _is_own(each) or not self.is_drill(drill)]
             stamped = [each for each in own if each.stamped]
             prompt = [each for each in stamped if not (each.latched or each.block)]
             self._timed[drill] = {each.topic for each in prompt or stamped or own}
@@ -192,18 +146,42 @@ class RecordedBag:
             if (reader.signals or reader.stamped)
             and (not reader.block or name in self._timed[namespace(name)])
         }
+        drills = sorted(filter(self.is_drill, self._timed), key=len)
+        # Whose clock a namespace has: one within a drill's has that of the drill.
+        self._clocks = {
+            each: next((d for d in reversed(drills) if f"{each}/".startswith(f"{d}/")), each)
+            for each in self._timed
+        }
+        held = [{*map(self.clock, chunk.topics)} for chunk in self.chunks]
         self._held = {
-            drill: [n for n, c in enumerate(self.chunks) if drill in map(namespace, c.topics)]
-            for drill in self._timed
+            drill: [number for number, clocks in enumerate(held) if drill in clocks]
+            for drill in set(self._clocks.values())
         }
         self.span = lru_cache(None)(self._span)
         # None of a namespace without stamps, where log times count.
-        self.time_lines = {drill: self._time_line(drill) for drill in self._timed}
+        self.time_lines = {drill: self._time_line(drill) for drill in self._held}
+        self.end = max(map(self._last, drills), default=math.inf)  # of the drills [s]
 
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
-        ours = [name for name, reader in self.readers.items() if reader.type.startswith(OURS)]
-        return drill in map(namespace, ours)
+        return any(
+            _is_own(each) and each.type.startswith(OURS)
+            for name, each in self.readers.items()
+            if namespace(name) == drill
+        )
+
+    def clock(self, topic: str) -> str:
+        """Return the namespace whose clock a topic has."""
+        return self._clocks.get(here := namespace(topic), here)
+
+    def fits(self, topic: str, times: np.ndarray) -> np.ndarray:
+        """Return which times of messages [ns] a topic may have, shape (n,).
+
+        Only a drill's own topics set how long it lasts: any stamp may be in one of others.
+        """
+        if self.is_drill(drill := self.clock(topic)) and topic in self._timed[drill]:
+            return np.ones(len(times), bool)
+        return (times >= -LATE * SECOND) & (times <= (self.end + LATE) * SECOND)
 
     def topic(self, drill: str, kind: str) -> str:
         """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
@@ -251,14 +229,14 @@ class RecordedBag:
 
     def times(self, topic: str, rows: Rows) -> np.ndarray:
         """Return the times of rows since the bag began [ns]."""
-        line = self.time_lines[namespace(topic)]
+        line = self.time_lines[self.clock(topic)]
         if line is None or not self.readers[topic].stamped:
             return rows.log_times - self.begin
         return rows.stamps - line.offsets(rows.publish_times)
 
     def offset(self, topic: str, published: int) -> int:
         """Return the stamp of time zero that a message has by its publishing time [ns]."""
-        line = self.time_lines[namespace(topic)]
+        line = self.time_lines[self.clock(topic)]
         return line.offset(published) if line else self.begin
 
     def series(self, topic: str, columns: Sequence[str], numbers: Iterable[int]) -> np.ndarray:
@@ -268,7 +246,9 @@ class RecordedBag:
             if (rows := self.rows(number).get(topic)) is not None:
                 none = np.full(len(rows.stamps), np.nan)
                 values = [rows.values.get(column, none) for column in columns]
-                found.append(np.array([self.times(topic, rows) / SECOND, *values]))
+                times = self.times(topic, rows)
+                each = np.array([times / SECOND, *values])
+                found.append(each[:, self.fits(topic, times)])
         series = np.concatenate(found, axis=1)
         return series[:, np.argsort(series[0], kind="stable")]
 
@@ -298,9 +278,17 @@ class RecordedBag:
         span = self.span(drill, number)
         return span[1] if span else (self.chunks[number].end_time - self.begin) / SECOND
 
+    def _last(self, drill: str) -> float:
+        """Return the last time of a drill [s]; 0 without any."""
+        spans = (self.span(drill, number) for number in reversed(self._held[drill]))
+        return next((span[1] for span in spans if span), 0.0)
+
     def _time_line(self, drill: str) -> TimeLine | None:
         for number in self._held[drill][:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
+            if not self.is_drill(drill):  # another program may have a clock only later
+                stamped = [(rows, rows.stamps > 0) for rows in found]
+                found = [rows.since(np.argmax(valid)) for rows, valid in stamped if valid.any()]
             if found and self.readers[min(self._timed[drill])].stamped:
                 return self._line(drill, min(found, key=lambda rows: int(rows.stamps[0])))
         return None
@@ -335,6 +323,7 @@ class Reading:
         self._until = 0.0  # time up to which all chunks were read [s]
         self._seen = 0.0  # latest time of what was read [s]
         self.unlisted = 0  # messages of faults beyond ``MOST_FAULTS``
+        self.outside = Counter[str]()  # messages by topic, whose times the run does not have
         last = recording.rows(len(recording.chunks) - 1) if recording.chunks else {}
         expected = max(recording.bag.duration / SECOND, 1e-3)
         names = [signal.name for signal in recording.signals]
@@ -393,8 +382,12 @@ class Reading:
         for topic, rows in found.items():
             if len(rows.stamps):
                 times = recording.times(topic, rows)
-                self._seen = max(self._seen, float(times.max()) / SECOND)
-                self._histories[namespace(topic)].add(Batch(topic, times, rows.values))
+                fits = recording.fits(topic, times)
+                self.outside[topic] += len(fits) - int(fits.sum())
+                times, values = times[fits], {k: v[fits] for k, v in rows.values.items()}
+                latest = float(times.max(initial=0)) / SECOND
+                self._seen = min(max(self._seen, latest), recording.end)
+                self._histories[recording.clock(topic)].add(Batch(topic, times, values))
         self._read.update(numbers)
         for history in self._histories.values():
             history.time = self._seen or history.time
@@ -405,7 +398,8 @@ class Reading:
     def _end_of(self, found: Mapping[str, Rows]) -> float:
         """Return the greatest time of some rows [s]; 0 without any."""
         times = [self._recording.times(topic, rows) for topic, rows in found.items()]
-        return max((float(each.max()) / SECOND for each in times if len(each)), default=0.0)
+        latest = max((float(each.max()) / SECOND for each in times if len(each)), default=0.0)
+        return min(latest, self._recording.end)
 
     def _add_entries(self) -> None:
         for drill, line in self._recording.time_lines.items():
@@ -420,7 +414,7 @@ class Reading:
         with suppress(BagError):  # what comes before the damage is shown
             messages = recording.bag.messages(topics) if topics else iter(())
             for message in itertools.islice(messages, MOST_FAULTS):
-                history = self._histories[drill := namespace(message.topic)]
+                history = self._histories[drill := recording.clock(message.topic)]
                 line = recording.time_lines[drill]
                 run = line.number(message.publish_time) if line else 0
                 try:

@@ -30,7 +30,7 @@ from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
-from rpud_sim.viewer.commands import COMMAND
+from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
 from rpud_sim.viewer.recording import STATUS_TYPE
@@ -76,10 +76,9 @@ def write_report(
             raise RecordingError(str(error)) from None
         recording, damages = store.recording, Damages(store.recording.bag)
         history, frame = store.histories[client.drill], store.frame(client) or {}
-        page = frozen_page(
-            f"{Path(path).resolve().name} – report",
-            encode(_frame(history, frame, damages)),
-        )
+        frozen = _frame(history, frame, damages)
+        title = f"{Path(path).resolve().name} – report"
+        page = frozen_page(title, encode(frozen), without_scripts(frozen))
         write_new_file(out, page)
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
@@ -118,7 +117,9 @@ def _frame(history: RecordedDrill, frame: dict[str, Any], damages: Damages) -> d
         moments[np.argmin(np.abs(moments - after))] = after
     frame["moments"] = [_moment(history, time) for time in np.unique(moments).tolist()]
     frame.pop("section", None)
-    frame["report"] = _report(history, frame, damages)
+    frame["report"] = report = _report(history, frame, damages)
+    failed = [{"time": at, "kind": FAILURE, "text": "failed"} for at in report.get("failed_at", ())]
+    frame["log"] = sorted([*frame["log"], *failed], key=lambda entry: float(entry["time"]))
     return frame
 
 
@@ -166,8 +167,37 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
     return seen | {"tables": tables}
 
 
-def frozen_page(title: str, frame: bytes) -> str:
+def without_scripts(frame: Mapping[str, Any]) -> str:
+    """Return HTML of verdict and numbers of a report, for who opens it where scripts are blocked.
+
+    The screen removes it. An element ``noscript`` would be hidden where a policy blocks scripts.
+    """
+    report = frame["report"]
+    parts = [f"<p>Drill {_escaped(frame['drill'])}, {float(frame['now']):.6g} s.</p>"]
+    if report.get("verdict"):
+        said = "".join(f"<li>{_escaped(line)}</li>" for line in report["requirements"])
+        verdict = f"{report['verdict']} \N{MIDDLE DOT} {report['test']}"
+        parts.append(f"<h2>{_escaped(verdict)}</h2><ul>{said}</ul>")
+    parts.append(
+        "<p>Plots and motion are missing: they need scripts, which are blocked here. "
+        "Save this file and open it in a browser.</p>"
+    )
+    for table in report["tables"][:2]:
+        heads = "".join(f'<th scope="col">{_escaped(each)}</th>' for each in table["columns"])
+        rows = ["".join(f"<td>{_escaped(each)}</td>" for each in row) for row in table["rows"]]
+        body = "".join(f"<tr>{row}</tr>" for row in [heads, *rows])
+        parts.append(f"<table><caption>{_escaped(table['title'])}</caption>{body}</table>")
+    return f'<section class="static" aria-label="summary">{"".join(parts)}</section>'
+
+
+def _escaped(value: object) -> str:
+    return html.escape(printable(str(value)))
+
+
+def frozen_page(title: str, frame: bytes, summary: str) -> str:
     """Return the screen with one frame, as one HTML file that needs no server and no network.
+
+    ``summary`` is HTML that is shown without scripts.
 
     Its policy allows no request, and no script or style but these, by their hashes.
     """
@@ -194,6 +224,7 @@ def frozen_page(title: str, frame: bytes) -> str:
         text,
         count=1,
     )
+    text = text.replace("<main>", f"<main>{summary}").replace(">searching<", "><")
     return text.replace("</body>", tail)
 
 
@@ -226,7 +257,7 @@ def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
     """Return statistics of each segment between commands and faults of a frame."""
     end, faults = float(frame["now"]), frame["faults"]
     impacts, [bins] = history.impacts, history.bins
-    moments = [entry["time"] for entry in frame["log"] if entry["kind"] == COMMAND]
+    moments = [entry["time"] for entry in frame["log"] if entry["kind"] in (COMMAND, RUN)]
     moments += [fault[name] for fault in faults for name in ("onset", "end")]
     begins = [0.0]
     for moment in sorted(moment for moment in moments if moment and 0.0 < moment < end):

@@ -33,7 +33,9 @@ from rpud_sim.viewer.frames import ClientState, Store, StoreError, View, encode
 DEFAULT_PORT = 8810
 LOOPBACK = "127.0.0.1"
 PERIOD = 0.1  # between frames, at least [s]
+EXPIRY = 3.0  # an action that is so late is not carried out [s]
 
+_BEAT = 1.0  # longest time between frames, so that a page knows that the server lives [s]
 _SHARE = Path(__file__).parent / "share"
 _SERVED = (".css", ".html", ".js")
 _MOST_PAGES = 64
@@ -255,6 +257,7 @@ class _Frames(_Guarded, WebSocketHandler):
         # What the first frame has besides.
         self._first: dict[str, Any] = {"mode": self.server.store.mode, "quantities": for_browser()}
         self._number = 0  # of the last frame
+        self._sent = (asyncio.get_running_loop().time(),) * 2  # times of the last two frames [s]
         self._acknowledged = asyncio.Event()
         self._refused = (0, "")  # number of refusals, and the reason of the last one
         self._task = asyncio.create_task(self._run())
@@ -281,7 +284,7 @@ class _Frames(_Guarded, WebSocketHandler):
             frame = {**self._first, **await work(self._fields)}
             if refused != self._refused[0]:
                 frame["refused"], refused = self._refused, self._refused[0]
-            if frame:
+            if frame or due - self._sent[1] > _BEAT:
                 self._first = {}
                 self._acknowledged.clear()
                 await self._send(frame)
@@ -296,6 +299,7 @@ class _Frames(_Guarded, WebSocketHandler):
 
     async def _send(self, frame: dict[str, Any]) -> None:
         self._number += 1
+        self._sent = self._sent[1], asyncio.get_running_loop().time()
         await self.write_message(encode({"number": self._number, **frame}), binary=True)
 
     def _end(self, _: asyncio.Task[None]) -> None:
@@ -315,6 +319,12 @@ class _Frames(_Guarded, WebSocketHandler):
             self._refused = self._refused[0] + 1, str(error)
         except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
             self.close(_WRONG_REQUEST, f"wrong request: {_one_line(error)}"[:100])
+
+    def _check_age(self, number: Any) -> None:
+        """Refuse an action that a page asked for long ago: it names the frame that it had seen."""
+        age = asyncio.get_running_loop().time() - self._sent[1 if number == self._number else 0]
+        if age > EXPIRY:
+            raise ParameterError(f"expired: it came {age:.0f} s after what the screen had shown")
 
     async def _do(self, asked: Any) -> None:
         """Do what a browser asks; what no page of this program sends is an error."""
@@ -338,6 +348,8 @@ class _Frames(_Guarded, WebSocketHandler):
                 content = {"to": asked["seek"], "from": _number(asked["from"])}
                 await self.server.work(request, client, "seek", content)
             case "act":
+                if "frame" in asked:
+                    self._check_age(asked["frame"])
                 arguments = asked.get("arguments", {})
                 if not isinstance(arguments, dict):
                     raise ValueError("arguments")

@@ -71,7 +71,11 @@ def frame():
             "band": "5-95 %", "layers": layers,
         },
         "moments": [moment(time) for time in (5.0, 20.0, 35.0)],
-        "log": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}],
+        "log": [
+            {"time": 0.0, "kind": "run", "text": "a run begins"},
+            {"time": 9.0, "kind": "command", "text": "weight on bit 9 N"},
+            {"time": 30.0, "kind": "run", "text": "a run begins"},
+        ],
         "report": {
             "verdict": "failed",
             "test": "test_a_hard_rock",
@@ -112,12 +116,14 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
         page, "['mean', 'low'].map((name) => Array.from(screen.seen.view.layers.peak_force[name]))"
     )
     times = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
+    text_has(page, "[data-plot=peak_force] .key", "mean, widest 5.95 %")
     assert means == pytest.approx(times)  # joined bins keep the mean, and the least
     assert (np.array(lows) < times - 1.0).all()
     gap = of_screen(page, "screen.seen.view.layers.reacting_force.mean.findIndex(Number.isNaN)")
     assert gap == pytest.approx(GAP * len(means) / BINS, abs=1)
     of_screen(page, "screen.zoom(10, 11)")
     until_screen(page, "screen.seen.view.start === 10")
+    text_has(page, "[data-plot=peak_force] .key", "mean, 5.95 %")
     found = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
     assert np.diff(found) == pytest.approx(END / BINS)
     assert 9.9 < found[0] < 10.01
@@ -127,7 +133,9 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
 
 def test_playhead_picks_section_numbers_and_hole_there(frozen):
     page = frozen()
-    assert of_screen(page, "screen.clock.block.time") == 35.0
+    assert of_screen(page, "screen.playhead.time") == 0.0
+    of_screen(page, "screen.playhead.seek(40)")
+    until_screen(page, "screen.clock.block.time === 35")
     until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
     frames = "document.documentElement.dataset.frame"
     before = page.tab.evaluate(frames)
@@ -146,6 +154,83 @@ def test_playhead_picks_section_numbers_and_hole_there(frozen):
     text_has(page, "#found", "there is no further impact in this report")
 
 
+def test_joined_means_are_weighted_by_the_number_of_impacts(frozen):
+    page = frozen()
+    joined = page.tab.evaluate(
+        "import('/share/screen.js').then(({ rpudScreen: { source } }) => {"
+        "const answered = source.onFrame; let found;"
+        "source.onFrame = ({ view }) => { found = Array.from(view.layers.few.mean); };"
+        "const few = { t: [1, 2, 3, 4], mean: [1, 5, 2, 2], count: [3, 1, 1, 1] };"
+        "source.held.view.layers.few = few;"
+        "source.send({ view: { start: 0, end: 9, width: 4 } });"
+        "delete source.held.view.layers.few; source.onFrame = answered; return found; })"
+    )
+    assert joined == [2.0, 2.0]
+
+
+def test_a_reset_is_marked_as_a_command_is(frozen):
+    page = frozen()
+    marked = page.tab.evaluate(
+        "import('/share/marks.js').then(({ commandsOf }) => import('/share/screen.js').then("
+        "({ rpudScreen }) => commandsOf(rpudScreen.seen).map(({ time }) => time)))"
+    )
+    assert marked == [9.0, 30.0]
+
+
+def test_a_jam_of_the_past_is_called_so_at_its_time(frozen):
+    page = frozen()
+    fault = "{ kind: 'free_mass_jammed', onset: 10, end: 12, active: false }"
+    status = "{ state: 'running', regime: 'drilling' }"
+    of_screen(page, f"Object.assign(screen.seen, {{ faults: [{fault}], status: {status} }})")
+    said = []
+    for time in (9, 11, 13):
+        of_screen(page, f"(screen.seen.at = {time}, screen.controls.drawState())")
+        said.append(page.tab.text_content("#doing"))
+    assert said == ["drilling", "jammed", "drilling"]
+
+
+def test_garbage_neither_hides_what_is_sane_nor_leaves_its_box(frozen):
+    """One value of seven is a random bit pattern, as of a sensor with the fault ``garbage``."""
+    page = frozen(width=PHONE)
+    random = np.random.default_rng(1)
+    values = RAMP.copy()
+    values[::7] = random.integers(0, 2**64, len(values[::7]), np.uint64).view(np.float64)
+    sound = np.isfinite(values)
+    shown = np.clip(values[sound], -3e38, 3e38).tolist()  # as 32-bit numbers come
+    layer = {"t": RAMP[sound].tolist(), "mean": shown}
+    page.tab.evaluate(
+        "(layer) => import('/share/screen.js').then(({ rpudScreen: screen }) => {"
+        "screen.seen.view.layers = { reacting_force: layer, peak_force: layer };"
+        "screen.seen.timeline = { ...layer, low: layer.mean, high: layer.mean };"
+        "screen.numbers.draw({ peak_force: { mean: -7.6e35, least: -1e36, greatest: 2,"
+        " spark: layer.mean.slice(0, 60) } });"
+        "screen.drawTime(); })",
+        layer,
+    )
+    load = "screen.plots.plots.find(({ definition }) => definition.id === 'load')"
+    low, high = of_screen(page, f"{load}.ends")
+    assert (0.9 * END < high < 3 * END, -END < low <= 0.0) == (True, True)
+    low, high = of_screen(page, "screen.timeline.ends")
+    assert (0.9 * END < high < 3 * END, -END < low <= 0.0) == (True, True)
+    drawn = of_screen(page, f"{load}.plot.data[1].filter((each) => each !== null)")
+    assert len(drawn) > 0.8 * BINS  # what is sane, and no line to garbage
+    assert max(map(abs, drawn)) < 20 * END
+    text_is(page, "[data-number=peak_force]", "\N{MINUS SIGN}7.60e+32")
+    output = "document.querySelector('[data-number=peak_force]')"
+    assert page.tab.evaluate(f"{output}.scrollWidth <= {output}.clientWidth")
+    page.keep("garbage")
+
+
+def test_what_happens_seldom_is_no_garbage(frozen):
+    page = frozen()
+    rest = [1e-9, -2e-9, 3e-10] * 300
+    ends = "(values) => import('/share/quantities.js').then((all) => all.clippedEnds(values))"
+    assert page.tab.evaluate(ends, [*rest, *[5.0] * 30])[1] == 5.0
+    assert page.tab.evaluate(ends, [1.0] * 100) == [1.0, 1.0]
+    assert page.tab.evaluate(ends, [0.0] * 100) == [0.0, 0.0]
+    assert page.tab.evaluate(ends, [2.0, 3.0, 1e20]) == [2.0, 3.0]
+
+
 @pytest.mark.parametrize("width", [PHONE, WIDE])
 def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
     page = frozen(width=width)
@@ -162,9 +247,46 @@ def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
         page.check()
 
 
+def test_on_paper_nothing_is_cut_and_all_is_unfolded(frozen):
+    page = frozen()
+    page.tab.emulate_media(media="print")
+    page.tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.tab.locator("#details table").count() > 2
+    # A printer lays out once, and no script follows the new width.
+    boxes = page.tab.evaluate("""() => {
+      document.body.style.width = "700px";
+      const figures = [...document.querySelectorAll("#plots > figure:not([hidden]), .strip")];
+      const box = (each) => each.getBoundingClientRect();
+      const ends = ({ left, top, right, bottom }) => [left, top, right, bottom];
+      return figures.map((each) => [ends(box(each)), ends(box(each.querySelector("canvas")))]);
+    }""")
+    assert len(boxes) >= 4
+    bottom = 0.0
+    for (_, top, _, end), (left, canvas_top, right, canvas_end) in boxes:
+        assert (left >= 0, right <= 700.5, top >= bottom - 0.5) == (True, True, True)
+        assert (top <= canvas_top, canvas_end <= end + 0.5) == (True, True)
+        bottom = end
+    page.tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert not page.tab.locator("#details details[open]").count()
+    page.tab.evaluate("document.body.style.width = ''")
+
+
 def test_a_value_reads_as_in_the_terminal(frozen):
     page = frozen()
-    values = [0.0, 1.247e-96, 3.3e-7, -2.5e-5, 0.0123, 0.9996, 7.0, -123.456, 98765.4, 1.5e9, None]
+    values = [
+        0.0,
+        1.247e-96,
+        3.3e-7,
+        -2.5e-5,
+        0.0123,
+        0.9996,
+        7.0,
+        -123.456,
+        98765.4,
+        1.5e9,
+        -7.6e32,
+        None,
+    ]
     for name, quantity in QUANTITIES.items():
         shown = page.tab.evaluate(
             "([name, values]) => import('/share/quantities.js')"

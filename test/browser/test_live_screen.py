@@ -1,6 +1,8 @@
 """The screen of a running drill in a real browser: what it shows, does and survives."""
 
+import os
 import re
+import signal
 from urllib.parse import quote
 
 import pytest
@@ -144,7 +146,8 @@ def test_each_control_does_what_it_says(live, client):
     until_screen(live, done)  # meanwhile the drill runs, and the button stops it
     text_is(live, "#pause", "Play")
     tab.evaluate("document.activeElement.blur()")
-    tab.keyboard.press(" ")
+    tab.keyboard.press(" ")  # others use the drill, too: no key plays or pauses it
+    click(live, "Play")
     until_status(client, state="running")
     click(live, "Fault")
     tab.locator("#kinds").select_option("bias")
@@ -222,6 +225,34 @@ def test_a_hostile_namespace_stays_text(server, page_of, namespace):
     page.until("document.querySelector('#banner').textContent !== ''")
     assert page.tab.locator("img").count() == 0
     page.assert_quiet()
+
+
+@pytest.mark.parametrize("stopped", ["server", "drill"])
+def test_what_stands_still_does_not_look_alive(drill, client, page_of, stopped):
+    with Process("rpud", "watch", "--port", "0", "--namespace", NAMESPACE) as running:
+        page = opened(page_of, running.wait_for_line(r"(http://[^/]+)/")[1], NAMESPACE)
+        client.reset("all")
+        client.play()
+        text_is(page, "#doing", "drilling")
+        process = running if stopped == "server" else drill
+        os.kill(process.pid, signal.SIGSTOP)
+        try:
+            text_has(page, "#doing", "not connected")
+            text_has(page, "#banner", "No data for [23] s: .*does not answer")
+            assert page.tab.evaluate("document.documentElement.dataset.stale") == "true"
+            page.tab.fill("#weight", "33")
+            click(page, "Press")
+            text_is(page, "[data-of=press] .outcome", "not connected")
+        finally:
+            os.kill(process.pid, signal.SIGCONT)
+        text_is(page, "#doing", "drilling")
+        text_is(page, "#banner", "")
+        client.until(lambda: client.status.weight_on_bit == 8.0)
+        page.tab.fill("#weight", "32")
+        click(page, "Press")
+        text_is(page, "[data-of=press] .outcome", "done")
+        text_is(page, "[data-of=press] .outcome", "")
+        client.until(lambda: client.status.weight_on_bit == 32.0)
 
 
 def test_the_server_comes_back_and_the_screen_goes_on(drill, page_of):

@@ -62,6 +62,14 @@ def put_playhead(page, time):
     until_screen(page, f"Math.abs(screen.playhead.time - {time}) < 1e-9")
 
 
+def test_the_playhead_begins_at_the_start(recorded, drilled):
+    page = recorded()
+    assert of_screen(page, "screen.playhead.time") == 0.0
+    until_screen(page, "screen.clock.block.time < 0.01")  # the first motion, and not the last
+    page.tab.keyboard.press("n")
+    text_has(page, "#found", "^impact at 0.0")
+
+
 def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):
     impacts = drilled.impacts
     times = impacts["header.stamp"] / 1e9
@@ -173,7 +181,7 @@ def test_the_reader_chooses_a_signal_and_a_hostile_name_stays_text(recorded):
 @pytest.mark.parametrize("width", [PHONE, WIDE])
 def test_it_can_be_read_by_everybody(recorded, width):
     page = recorded(width=width)
-    page.tab.keyboard.press("p")
+    page.tab.keyboard.press("n")
     text_has(page, "#found", "^impact at")
     for scheme in SCHEMES:
         page.show(scheme)

@@ -224,3 +224,24 @@ def test_hole_grows_through_its_layers_to_scale(opened):
     run(page, "section.setRegime('free')")
     assert not page.tab.query_selector("#section .crushed")
     assert page.tab.is_visible("#section .air")
+
+
+def test_the_place_of_the_bit_is_that_of_the_arm_and_the_hole_stays(opened):
+    page = opened()
+    run(page, "clock.jump(sections.first, true); section.setRegime('drilling')")
+    tips = []
+    for tip in (0.0182, 0.009, 0.0, -0.005, -5.0):
+        hole(page, tip=tip)
+        tips.append(run(page, "return at('bit') + 400"))
+        for name in ("regolith", "rate", "torque"):
+            assert name in page.tab.inner_html("#section")
+        assert page.tab.is_visible("#section .air") == (tip < 0.0178)
+    face = 506
+    bottom = tips[0]
+    assert tips[1] - face == pytest.approx((bottom - face) / 2, abs=1.0)
+    assert tips[2] == pytest.approx(face)
+    assert face - 37 < tips[4] < tips[3] < face
+    hole(page)  # without an arm the regime says it
+    run(page, "section.setRegime('free')")
+    assert run(page, "return at('bit') + 400") < face
+    assert "sandstone" in page.tab.inner_html("#section")

@@ -64,3 +64,9 @@ def test_words_for_ros_are_split_from_those_of_the_program():
     )
     assert own == ["bag", "--remap", "/a:=/b"]
     assert ros == ["--ros-args", "-r", "__ns:=/a", "--", "--ros-args", "-p", "x"]
+
+
+def test_each_exclude_counts():
+    recorded = record("--exclude", "a.*", "--exclude", "b")
+    assert [each.pattern for each in recorded.exclude] == ["a.*", "b"]
+    assert [*replay("--exclude", "/a", "/b", "--exclude", "/c").exclude] == ["/a", "/b", "/c"]

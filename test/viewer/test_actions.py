@@ -1,5 +1,7 @@
 """Queue of actions before any of them reaches a drill; test_live_drill.py has the rest."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
@@ -26,6 +28,22 @@ def test_more_actions_than_can_wait_fail_at_once():
     actions.fail_all("no drill")
     assert [outcome["number"] for outcome in actions.outcomes] == [*range(26, 34)]
     assert {(each["state"], each["text"]) for each in actions.outcomes} == {("failed", "no drill")}
+
+
+def test_an_action_that_waited_too_long_is_not_carried_out(monkeypatch):
+    actions, clock, done = Actions(), [0.0], []
+    monkeypatch.setattr("rpud_sim.viewer.live.time.monotonic", lambda: clock[0])
+    drill = SimpleNamespace(press=lambda force: done.append(force))
+    actions.add("press", {"force": 1.0})
+    clock[0] = 2.0
+    actions.add("press", {"force": 2.0})
+    assert actions.execute(drill)
+    actions.add("press", {"force": 3.0})
+    clock[0] = 5.1
+    assert actions.execute(drill)
+    assert [each["text"] for each in actions.outcomes] == ["", "expired: it waited for 3 s"]
+    assert done == [1.0]
+    monkeypatch.undo()
 
 
 @pytest.mark.parametrize(

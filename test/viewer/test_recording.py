@@ -13,7 +13,7 @@ from rpud_sim.recorded.runs import RecordedEntry, RecordedRun
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, JournalEntry
 from rpud_sim.viewer import recording as recordings
-from rpud_sim.viewer.frames import ClientState
+from rpud_sim.viewer.frames import ClientState, View
 from rpud_sim.viewer.recorded import RecordedStore
 from rpud_sim.viewer.recording import RecordedBag, Rows, TimeLine
 
@@ -218,3 +218,33 @@ def test_a_late_recording_begins_at_zero_and_what_came_before_its_first_run_is_s
     assert (late.number(541), len(late.runs)) == (0, 1)
     torn = TimeLine([last], first_of(400, 401), 401)  # the beginning of its first run is missing
     assert [torn.offset(401), torn.offset(501)] == [400, 7 - 100]
+
+
+def test_recorded_commands_are_no_drill_beside_the_drill(tmp_path):
+    recorder = ForceRecorder(tmp_path / "bag")
+    recorder.write(rows_of(200))
+    recorder.write(rows_of(200), "/rpud/command/force")
+    recorder.close()
+    assert first_frame(recorder.path)["drills"] == ["/rpud"]
+
+
+@pytest.mark.parametrize("topic", ["/rpud/thermal", "/rpud/supervisor/state", "/arm/state"])
+def test_a_stamp_of_another_program_moves_neither_the_clock_nor_the_end(tmp_path, topic):
+    recorder = ForceRecorder(tmp_path / "bag")
+    recorder.write([(0, 0, 7.0)], topic)
+    recorder.write([(n + 1, 1_790_000_000 * SECOND + n, f) for n, _, f in rows_of(200)])
+    fitting = [(n, 1_790_000_000 * SECOND + n, 9.0) for n, _, _ in rows_of(150)]
+    recorder.write([*fitting, (SECOND, 1_990_000_000 * SECOND, 8.0)], topic)
+    recorder.close()
+    with RecordedStore(recorder.path) as store:
+        store.read_all()
+        client = ClientState(view=View(None, 0.0, 1.0))
+        store.open(client)
+        frame = store.frame(client)
+        shown = store.reading.bins.view(f"{topic} force", 0.0, 2.0, 100)
+        drill = store.histories["/rpud"]
+        near = drill.view(0.0, 1.0, 500, {f"{topic} force": "line"})["layers"]
+    assert (frame["drills"], frame["now"]) == (["/rpud"], pytest.approx(1.99))
+    assert set(shown["mean"][np.isfinite(shown["mean"])]) == {9.0}
+    assert np.abs(near[f"{topic} force"]["t"]).max() < 2.0
+    assert f"Stamps outside the run, not drawn: 2 of {topic}." in frame["notice"]

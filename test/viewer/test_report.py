@@ -19,6 +19,7 @@ from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.scenario_file import read_scenario
+from rpud_sim.testing.artefacts import _reason
 from rpud_sim.viewer.report import write_report
 
 SECOND = 1_000_000_000
@@ -100,14 +101,40 @@ def test_the_overview_has_every_quantity_that_a_plot_may_show(frame):
 
 
 def test_the_verdict_of_a_test_is_in_the_report(bag, tmp_path):
-    said = RunVerdict("test_mission.py::test_press", "failed", "7", ("[R1] calm: failed",))
+    said = RunVerdict("test_mission.py::test_press", "failed", "7", ("[R1] calm: failed",), (1.25,))
     records = {VERDICT_RECORD: said.to_record()}
     rewritten(bag, tmp_path / "bag", topics={"/rpud/reacting_force"}, records=records)
     write_report(tmp_path / "bag", tmp_path / "out.html")
     [data] = re.findall('class="frame">([^<]*)<', (tmp_path / "out.html").read_text())
-    report = decode(base64.b64decode(data))["report"]
+    frame = decode(base64.b64decode(data))
+    report = frame["report"]
+    failures = [each for each in frame["log"] if each["kind"] == "failure"]
+    assert [(each["time"], each["text"]) for each in failures] == [(1.25, "failed")]
+    assert not frame["moves"]  # no trajectory: the page shows no empty section
     assert (report["test"], report["verdict"], report["seed"]) == (said.test, "failed", "7")
     assert report["requirements"] == ["[R1] calm: failed"]
+
+
+def test_without_scripts_a_report_has_verdict_and_numbers_and_says_why(page, bag, tmp_path):
+    assert ">searching<" not in page
+    static = page.partition('<section class="static"')[2].partition("</section>")[0]
+    assert "Drill /rpud, 2" in static
+    assert "they need scripts, which are blocked here" in static
+    assert static.count("<table>") == 2
+    assert "free mass jammed" in static
+    said = RunVerdict("test_<b>", "failed", "7", ("[R1] calm: <i>",))
+    records = {VERDICT_RECORD: said.to_record()}
+    rewritten(bag, tmp_path / "bag", topics={"/rpud/reacting_force"}, records=records)
+    write_report(tmp_path / "bag", tmp_path / "out.html")
+    text = (tmp_path / "out.html").read_text()
+    assert "<h2>failed \N{MIDDLE DOT} test_&lt;b&gt;</h2>" in text
+    assert "<ul><li>[R1] calm: &lt;i&gt;</li></ul>" in text
+
+
+def test_the_reason_of_a_failure_is_the_line_of_pytest():
+    text = "drill = <rpud_sim.testing.drill.Drill object at 0x7f>\n\n>   assert 1 == 2\n"
+    assert _reason(f"{text}E   assert 1 == 2\nE    +  more\n\ntest.py:3") == ["assert 1 == 2"]
+    assert _reason("no such line\nat all") == ["no such line"]
 
 
 def test_one_file_asks_nothing_of_others_and_runs_its_own_scripts_alone(page):

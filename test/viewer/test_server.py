@@ -205,6 +205,23 @@ def test_what_no_page_sends_closes_the_connection(server, wrong):
         assert closed.value.args[0] == (1009 if wrong == WRONG[-1] else 1008)
 
 
+def test_an_action_that_comes_late_is_not_carried_out(server, store, monkeypatch):
+    with ScreenClient(server.port) as client:
+        number = client.frame()["number"]
+        client.send({"act": "go", "frame": number})
+        client.until(lambda seen: store.asked)
+        monkeypatch.setattr("rpud_sim.viewer.server.EXPIRY", -1.0)
+        client.send({"act": "late", "frame": number})
+        assert client.until(lambda seen: seen.get("refused"))[1].startswith("expired")
+    assert [each["name"] for each in store.asked] == ["go"]
+
+
+def test_a_page_hears_from_the_server_when_nothing_changes(server, store):
+    store.frame = lambda client: None
+    with ScreenClient(server.port) as client:
+        assert [client.frame()["number"] for _ in range(3)] == [1, 2, 3]
+
+
 def test_a_store_that_fails_ends_the_page_with_a_message(server):
     with ScreenClient(server.port) as client:
         client.frame()

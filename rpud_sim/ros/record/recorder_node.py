@@ -127,7 +127,7 @@ class Recorder(Node):
     def wants(self, name: str) -> bool:
         """Return whether to record a topic of this absolute name."""
         options = self._options
-        if options.exclude is not None and options.exclude.search(name):
+        if any(each.search(name) for each in options.exclude):
             return False
         if name in self._named:
             return True

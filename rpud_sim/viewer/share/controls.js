@@ -10,6 +10,9 @@ export class Controls {
     this.send = send;
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     this.told = -1; // number of the last outcome that was written
+    this.lost = ""; // why no action reaches the drill
+    this.frame = 0; // number of the last frame
+    /** @type {Map<HTMLElement, string>} */ this.pending = new Map(); // names of actions by their controls
     this.refused = 0; // actions of this page that were not even asked of the drill
     /** @type {HTMLElement | null} */ this.last = null; // control that acted last
     this.weight = element("weight", HTMLInputElement);
@@ -34,14 +37,32 @@ export class Controls {
 
   /** Forget the counts: another server begins at zero. */
   forget() {
-    [this.told, this.refused] = [-1, 0];
+    [this.told, this.refused, this.frame] = [-1, 0, 0];
   }
 
   /** @param {HTMLElement} origin with the name of the action @param {Record<string, any>} given */
   act(origin, given) {
     this.last = origin.closest(".control.live");
-    this.write(this.last, "");
-    this.send({ act: origin.dataset.act, arguments: given });
+    this.write(this.last, this.lost ? "not connected" : "pending");
+    if (this.lost) return;
+    if (this.last) this.pending.set(this.last, origin.dataset.act ?? "");
+    this.send({ act: origin.dataset.act, arguments: given, frame: this.frame });
+  }
+
+  /** Say that nothing reaches the drill now, and what was not confirmed. @param {string} lost why, or "" */
+  lose(lost) {
+    if (lost === this.lost) return;
+    this.lost = lost;
+    for (const control of lost ? this.pending.keys() : []) this.write(control, "not connected: not confirmed");
+    if (lost) this.pending.clear();
+    this.drawState();
+  }
+
+  /** @param {HTMLElement} control whose action is done */
+  confirm(control) {
+    const is = this.pending.delete(control);
+    this.write(control, is ? "done" : "");
+    if (is) setTimeout(() => elements(".outcome", control)[0]?.textContent === "done" && this.write(control, ""), 1500);
   }
 
   /** @param {HTMLElement} form @returns {Record<string, any>} what is filled in */
@@ -63,10 +84,12 @@ export class Controls {
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame what is new */
   draw(seen, frame) {
     this.seen = seen;
+    this.frame = frame.number;
     if (frame.status || frame.connection || frame.faults) this.drawState();
     if (frame.outcomes) this.drawOutcomes(frame.outcomes);
     if (frame.refused && frame.refused[0] > this.refused) {
       this.write(this.last, frame.refused[1]);
+      if (this.last) this.pending.delete(this.last);
       this.refused = frame.refused[0];
     }
     for (const [id, names] of /** @type {const} */ ([["kinds", frame.kinds], ["channels", frame.channels && ["", ...frame.channels]]])) {
@@ -79,9 +102,9 @@ export class Controls {
   }
 
   drawState() {
-    const { status = {}, connection, faults = [], mode } = this.seen;
-    const lost = mode === "live" && connection && connection.state !== "connected" ? connection.state : "";
-    const jammed = faults.some((fault) => fault.active && fault.kind === "free_mass_jammed");
+    const { status = {}, faults = [], at = Infinity } = this.seen, { lost } = this;
+    const active = (/** @type {import("./frames.js").Fault} */ { onset, end }) => onset <= at && (end === null || at < end);
+    const jammed = faults.some((fault) => active(fault) && fault.kind === "free_mass_jammed");
     const runs = jammed ? "jammed" : status.drive_enabled === false ? "drive off" : status.regime;
     const state = lost || (status.state === "running" ? runs : status.state ?? "");
     element("state").dataset.state = element("doing").textContent = state;
@@ -108,7 +131,7 @@ export class Controls {
     const news = outcomes.filter((each) => each.number > this.told);
     // What other readers did before this page was there is not its own.
     for (const { name, state, text } of this.told < 0 ? [] : news)
-      for (const control of elements(`[data-of~="${name}"]`)) this.write(control, state === "done" ? "" : text);
+      for (const control of elements(`[data-of~="${name}"]`)) state === "done" ? this.confirm(control) : (this.pending.delete(control), this.write(control, text));
     this.told = Math.max(0, this.told, ...news.map((each) => each.number));
   }
 

@@ -28,6 +28,12 @@ export class Details {
       const draw = () => details.open && content.replaceChildren(...fill());
       details.ontoggle = draw;
       host.append(details);
+      addEventListener("beforeprint", () => { // all is printed, also what is folded
+        if (details.open) return;
+        details.open = true;
+        draw();
+        addEventListener("afterprint", () => (details.open = false), { once: true });
+      });
       return { details, draw };
     };
     this.timing = part("timing and losses", () => this.timingRows());

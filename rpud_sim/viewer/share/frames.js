@@ -5,7 +5,7 @@
  * Times are seconds of the run, values are in SI units; a field that is absent is as it was.
  * @typedef {{t: Float64Array, v: Float32Array}} Steps
  * @typedef {ArrayLike<number>} Values
- * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, band?: string,
+ * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, count?: Values, band?: string,
  *   outliers?: Steps & {more: number}}} Layer
  * @typedef {{start: number, end: number, detail: "overview" | "messages" | "waveform",
  *   band: string, layers: Record<string, Layer>}} View
@@ -29,7 +29,7 @@
  *   tables: Table[]}} Report
  * @typedef {{
  *   number: number, mode?: "live" | "recorded" | "frozen", quantities?: Quantity[],
- *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number,
+ *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number, at?: number, silent?: number, moves?: boolean,
  *   extent?: [number, number], read?: number,
  *   connection?: {state: "searching" | "connected" | "vanished", since: number, reason: string},
  *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,

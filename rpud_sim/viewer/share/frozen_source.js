@@ -30,7 +30,7 @@ export class FrozenSource {
   send(request) {
     if (request.view && this.held.view) {
       const { start, end, width } = request.view;
-      const layers = Object.entries(this.held.view.layers).map(([name, layer]) => [name, partOf(layer, start, end, 0.5 * width)]);
+      const layers = Object.entries(this.held.view.layers).map(([name, layer]) => [name, partOf({ band: this.held.view?.band, ...layer }, start, end, 0.5 * width)]);
       this.answer({ view: { ...this.held.view, start, end, layers: Object.fromEntries(layers) } });
     } else if (request.playhead !== undefined || request.section) {
       this.playhead = request.playhead ?? this.playhead;
@@ -49,24 +49,30 @@ export class FrozenSource {
   }
 }
 
-/** Return a layer between two times, in about so many bins: several become one.
+/** Return a layer between two times, in about so many bins: several become one. Means are weighted by the counts of values;
+ * quantiles of several bins cannot be had from theirs, and the band says that it is the widest of them.
  * @param {import("./frames.js").Layer} layer @param {number} start @param {number} end @param {number} width
  * @returns {import("./frames.js").Layer} */
 function partOf(layer, start, end, width) {
   const first = Math.max(0, placeOf(layer.t, start));
   const last = Math.min(layer.t.length, placeOf(layer.t, end) + 2);
   const joined = Math.max(1, Math.floor((last - first) / Math.max(1, width)));
-  const merge = (/** @type {import("./frames.js").Values} */ values, /** @type {(values: number[]) => number} */ join) =>
+  const merge = (/** @type {import("./frames.js").Values} */ values, /** @type {(values: number[], begin: number) => number} */ join) =>
     Array.from({ length: Math.max(0, Math.ceil((last - first) / joined)) }, (_, i) => {
       const begin = first + i * joined, part = Array.from({ length: Math.min(last - begin, joined) }, (_, at) => values[begin + at]);
-      return part.some(Number.isNaN) ? NaN : join(part); // a gap stays one
+      return part.some(Number.isNaN) ? NaN : join(part, begin); // a gap stays one
     });
-  const meanOf = (/** @type {number[]} */ values) => values.reduce((sum, value) => sum + value, 0) / values.length;
-  const { t, mean, low, high, outliers, ...rest } = layer;
+  const { t, mean, low, high, count, outliers, band, ...rest } = layer;
+  const sumOf = (/** @type {number[]} */ values) => values.reduce((sum, value) => sum + value, 0);
+  const meanOf = (/** @type {number[]} */ values, /** @type {number} */ begin) => {
+    const weights = values.map((_, at) => count?.[begin + at] || 1);
+    return sumOf(values.map((value, at) => value * weights[at])) / sumOf(weights);
+  };
   const [from, to] = [placeOf(outliers?.t ?? [], start) + 1, placeOf(outliers?.t ?? [], end) + 1];
   return {
     ...rest,
-    t: merge(t, meanOf),
+    band: joined > 1 && band?.includes("%") ? `widest ${band}` : band,
+    t: merge(t, (values) => sumOf(values) / values.length),
     mean: merge(mean, meanOf),
     low: low && merge(low, (values) => Math.min(...values)),
     high: high && merge(high, (values) => Math.max(...values)),

@@ -1,6 +1,6 @@
 // @ts-check
 /* What all plots over time share: the axis, the cursor, and marks of faults, gaps, commands and the playhead. */
-import { colourOf, inWords, timeText } from "./quantities.js";
+import { LONG, colourOf, inWords, timeText } from "./quantities.js";
 
 /**
  * @typedef {Partial<import("./frames.js").Frame>} Seen what all frames of a run have said
@@ -12,7 +12,7 @@ import { colourOf, inWords, timeText } from "./quantities.js";
 export const AXIS = 52; // width of every axis of values, as --axis [px]
 export const END = 10; // free on the right, as --end [px]
 
-const STEPS = Array.from({ length: 30 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
+const STEPS = Array.from({ length: 60 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
 
 /** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
 export function axisOf(options) {
@@ -37,7 +37,8 @@ export function keepSize(plot, host, then) {
 /** @param {(number | null)[]} values of an axis, null for none @param {number} step between them @returns {string[]} */
 function tickTexts(values, step) {
   const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-  return values.map((value) => (value === null ? "" : value.toFixed(places).replace("-", "\u2212")));
+  const text = (/** @type {number} */ value) => (Math.abs(value) < LONG ? value.toFixed(places) : value.toExponential(1));
+  return values.map((value) => (value === null ? "" : text(value).replace("-", "\u2212")));
 }
 
 /** Return the time axis of a plot, whose times may be written below another one.
@@ -134,7 +135,7 @@ export function drawTimes({ ctx, bbox, scales: { x: { min = 0, max = 1 } } }, ti
 export function drawWords(plot, seen) {
   const { ctx, bbox } = plot;
   const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
-  const words = [...faults, ...commandsOf(seen).map(({ time, text }) => ({ time, text, colour: "command" }))];
+  const words = [...faults, ...commandsOf(seen).map(({ time, text, kind }) => ({ time, text, colour: kind === "failure" ? "fault" : "command" }))];
   ctx.save();
   ctx.font = `${11 * uPlot.pxRatio}px system-ui, sans-serif`;
   [ctx.textAlign, ctx.textBaseline] = ["left", "top"];
@@ -150,9 +151,9 @@ export function drawWords(plot, seen) {
   ctx.restore();
 }
 
-/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands; faults are shaded */
+/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, resets and failures of a test; faults are shaded */
 export function commandsOf(seen) {
-  return (seen.log ?? []).filter((each) => each.kind === "command");
+  return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0));
 }
 
 /** Return a time in words, with the commands and faults there.

@@ -1,7 +1,7 @@
 // @ts-check
 /* Five numbers of the last second, each with its extremes and how it went. */
 import { make } from "./dom.js";
-import { quantityOf, valueText } from "./quantities.js";
+import { clippedEnds, quantityOf, valueText } from "./quantities.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const NAMES = ["impact_rate", "peak_force", "reacting_force", "power", "penetration_rate"];
@@ -35,6 +35,7 @@ export class Numbers {
       label.textContent = quantity.label;
       unit.textContent = quantity.unit;
       value.textContent = valueText(name, shown?.mean, false, true);
+      value.classList.toggle("long", value.textContent.length > 7);
       value.dataset.exact = String(shown?.mean);
       const [least, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
       ends.textContent = least === greatest ? "" : `${least} to ${greatest}`;
@@ -48,8 +49,8 @@ function sparkPath(values) {
   const known = Array.from(values, (value, i) => [i, value]).filter(([, value]) => Number.isFinite(value));
   if (known.length < 2) return "";
   const heights = known.map(([, value]) => value);
-  const [low, high] = [Math.min(0, ...heights), Math.max(1e-12, ...heights)];
-  const y = (/** @type {number} */ value) => (HEIGHT - 1 - ((value - low) / (high - low)) * (HEIGHT - 2)).toFixed(1);
+  const [least, most] = clippedEnds(heights), [low, high] = [Math.min(0, least), Math.max(1e-12, most)];
+  const y = (/** @type {number} */ value) => (HEIGHT - 1 - ((Math.max(low, Math.min(high, value)) - low) / (high - low)) * (HEIGHT - 2)).toFixed(1);
   const x = (/** @type {number} */ i) => ((i / (values.length - 1)) * WIDTH).toFixed(1);
   return `M-9 ${y(0)}V${y(heights[0])}${known.map(([i, value]) => `L${x(i)} ${y(value)}`).join("")}H${WIDTH + 9}V${y(0)}`;
 }

@@ -12,8 +12,8 @@ export class Playhead {
   constructor(send, onMove) {
     this.send = send;
     this.onMove = onMove;
-    this.time = 0; // [s]
-    this.moved = false; // by the reader; before, it is at the end, as of a live drill
+    this.time = NaN; // [s]
+    this.moved = false; // by the reader; before, it is at the start
     this.playing = 0; // when it moved last [ms]; 0 while it stands
     /** @type {[number, number]} */ this.whole = [0, 0]; // ends of the recording
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
@@ -25,7 +25,7 @@ export class Playhead {
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
   draw({ mode, extent: [first, last] = [0, 0] }, { jump }) {
     this.whole = [first, last];
-    if (mode !== "live" && !this.moved && last !== this.time) this.seek(last, false);
+    if (mode && mode !== "live" && !this.moved && first !== this.time) this.seek(first, false);
     if (!jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = jump;
     element("contact").hidden = time === undefined;

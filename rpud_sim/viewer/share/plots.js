@@ -2,9 +2,8 @@
 /* The column of plots: bands, means, outliers and steps over the time in view. */
 import { make } from "./dom.js";
 import { AXIS, END, axisOf, commandsOf, drawSpans, drawTimes, drawWords, sharedCursor, sizeOf, timeAxis } from "./marks.js";
-import { axisRange, colourOf, quantityOf, valueText } from "./quantities.js";
+import { axisRange, clippedEnds, colourOf, quantityOf, valueText } from "./quantities.js";
 
-const CLIP = 0.999; // quantile of the values at which an axis ends
 const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
 
 /** @typedef {import("./frames.js").PlotLayer} PlotLayer @typedef {import("./marks.js").Seen} Seen @typedef {import("./marks.js").Range} Range */
@@ -21,10 +20,13 @@ export function placeOf(times, time) {
   return low - 1;
 }
 
-/** Return scaled values with null for what is no number, as plots need them.
- * @param {ArrayLike<number> | undefined} values @param {number} count @param {number} scale @returns {(number | null)[]} */
-export function columnOf(values, count, scale = 1) {
-  return Array.from({ length: count }, (_, i) => (values && values[i] === values[i] ? values[i] * scale : null));
+/** Return scaled values with null for what is no number, as plots need them, and for garbage far outside of an axis: no line leads there.
+ * @param {ArrayLike<number> | undefined} values @param {number} count @param {number} scale
+ * @param {[number, number] | null} ends of the axis @returns {(number | null)[]} */
+export function columnOf(values, count, scale = 1, ends = null) {
+  const [low, high] = ends ? [9 * ends[0] - 8 * ends[1], 9 * ends[1] - 8 * ends[0]] : [-Infinity, Infinity];
+  const within = (/** @type {number} */ value) => Number.isFinite(value) && value >= low && value <= high;
+  return Array.from({ length: count }, (_, i) => (values && within(values[i] * scale) ? values[i] * scale : null));
 }
 
 /** One plot, with its title or choice of quantities, and its legend. */
@@ -124,12 +126,12 @@ class TimePlot {
     const tables = this.choice.layers.map((layer) => {
       const { t, mean, low, high } = this.known(layer) ?? { t: [], mean: [] };
       const columns = layer.kind === "band" ? [mean, low, high] : [mean];
-      return [Array.from(t), ...columns.map((values) => columnOf(values, t.length, quantityOf(layer.quantity).scale))];
+      return [Array.from(t), ...columns.map((values) => columnOf(values, t.length, quantityOf(layer.quantity).scale, this.ends))];
     });
     return /** @type {uPlot.AlignedData} */ (tables.length === 1 ? tables[0] : uPlot.join(/** @type {any} */ (tables)));
   }
 
-  /** Fit the axis to what is in view; values above the 99.9 % quantile are marked at the upper edge. */
+  /** Fit the axis to what is in view; what lies beyond it is marked at its edges. */
   fit() {
     const { start, end } = this.range;
     const before = Math.abs((end - start) / this.span - 1) > 0.01 ? null : this.ends;
@@ -140,12 +142,11 @@ class TimePlot {
       const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
       const [first, last] = [Math.max(0, placeOf(t, start)), placeOf(t, end) + 1];
       for (const column of [mean, low, high])
-        for (let i = first; column && i < last; i += 1) if (column[i] === column[i]) values.push(column[i] * scale);
+        for (let i = first; column && i < last; i += 1) if (!Number.isNaN(column[i])) values.push(column[i] * scale);
       for (const value of outliers?.v ?? []) values.push(value * scale);
     }
-    values.sort((a, b) => a - b);
     const zero = this.choice.layers.some((layer) => quantityOf(layer.quantity).zero);
-    const [low, high] = axisRange(values[0], values[Math.ceil(CLIP * (values.length - 1))], zero);
+    const [low, high] = axisRange(...clippedEnds(values), zero);
     const fits = before && before[0] <= low && high <= before[1] && high - low > SHRINK * (before[1] - before[0]);
     this.ends = fits ? before : [low, high];
   }
@@ -168,33 +169,49 @@ class TimePlot {
   mark(plot) {
     const { ctx, bbox } = plot;
     const ratio = uPlot.pxRatio;
-    drawTimes(plot, commandsOf(this.seen).map((each) => each.time), colourOf("command", 0.75), [3, 3]);
+    const [failures, commands] = [true, false].map((failed) => commandsOf(this.seen).filter(({ kind }) => (kind === "failure") === failed).map(({ time }) => time));
+    drawTimes(plot, commands, colourOf("command", 0.75), [3, 3]);
+    drawTimes(plot, failures, colourOf("fault"));
     if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
     if (this.definition.id === "peak_force") drawWords(plot, this.seen);
     ctx.save();
     for (const layer of this.choice.layers) {
-      const { t, mean, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
-      const top = plot.scales.y.max ?? Infinity;
-      let above = 0;
+      const { t, mean, low, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
+      const { scale } = quantityOf(layer.quantity), { min = -Infinity, max = Infinity } = plot.scales.y;
+      const beyond = [0, 0]; // values above and below the axis
       ctx.fillStyle = colourOf(this.colour(layer), 0.8);
-      for (const [times, values, dots] of /** @type {const} */ ([[t, high ?? mean, false], [outliers?.t ?? [], outliers?.v ?? [], true]]))
+      for (const [times, tops, bottoms, dots] of /** @type {const} */ ([[t, high ?? mean, low ?? mean, false], [outliers?.t ?? [], outliers?.v ?? [], outliers?.v ?? [], true]]))
         for (let i = 0; i < times.length; i += 1) {
-          const value = values[i] * quantityOf(layer.quantity).scale;
-          const inside = value <= top;
-          if (times[i] < this.range.start || times[i] > this.range.end || (inside && !dots) || value !== value) continue;
-          const x = plot.valToPos(times[i], "x", true);
-          ctx.beginPath();
-          if (inside) ctx.arc(x, plot.valToPos(value, "y", true), 1.3 * ratio, 0, 7);
-          else for (const [dx, dy] of [[-3, 4], [0, -1], [3, 4]]) ctx.lineTo(x + dx * ratio, bbox.top + dy * ratio);
-          ctx.fill();
-          above += Number(!inside);
+          if (times[i] < this.range.start || times[i] > this.range.end || Number.isNaN(tops[i])) continue;
+          const x = plot.valToPos(times[i], "x", true), above = tops[i] * scale > max, below = bottoms[i] * scale < min;
+          if (dots && !above && !below) this.dot(ctx, x, plot.valToPos(tops[i] * scale, "y", true));
+          if (above) this.arrow(ctx, x, plot.valToPos(max, "y", true), bbox);
+          if (below) this.arrow(ctx, x, plot.valToPos(min, "y", true), bbox);
+          [beyond[0], beyond[1]] = [beyond[0] + Number(above), beyond[1] + Number(below)];
         }
-      const texts = [above ? `${above} above` : "", outliers?.more ? `${outliers.more} outliers not drawn` : ""].filter(Boolean);
+      const [above, below] = beyond;
+      const texts = [above && `${above} above`, below && `${below} below`, outliers?.more && `${outliers.more} outliers not drawn`].filter(Boolean);
       ctx.font = `${10 * ratio}px system-ui, sans-serif`;
       [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
       ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 16 * ratio);
     }
     ctx.restore();
+  }
+
+  /** @param {CanvasRenderingContext2D} ctx @param {number} x @param {number} y */
+  dot(ctx, x, y) {
+    ctx.beginPath();
+    ctx.arc(x, y, 1.3 * uPlot.pxRatio, 0, 7);
+    ctx.fill();
+  }
+
+  /** Draw an arrow out of the plot, at its upper or lower edge. @param {CanvasRenderingContext2D} ctx @param {number} x
+   * @param {number} y @param {uPlot.BBox} bbox */
+  arrow(ctx, x, y, bbox) {
+    const ratio = uPlot.pxRatio, side = y > bbox.top + 0.5 * bbox.height ? -ratio : ratio;
+    ctx.beginPath();
+    for (const [dx, dy] of [[-3, 4], [0, -1], [3, 4]]) ctx.lineTo(x + dx * ratio, y + dy * side);
+    ctx.fill();
   }
 
   /** Write the values at the cursor, else at the playhead, into the legend. @param {uPlot} plot */

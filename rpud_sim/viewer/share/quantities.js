@@ -2,6 +2,12 @@
 /* Values as people read them: number, unit, colour and axis by the one table of quantities. */
 
 const DIGITS = 3; // significant ones
+export const LONG = 1e9; // from here on a number has an exponent
+const CLIP = 0.999; // share of the values on each side at which an axis ends
+const CLIP_GARBAGE = 0.99; // the same, where some are garbage: others may be just as wrong
+const COMMON = 0.05; // of the values of the most frequent decade: so many make a decade a usual one
+const SCATTER = 5; // rare values in so many decades are garbage
+const WRONG = 1e7; // a rare value above this is garbage, too
 /** @type {Map<string, import("./frames.js").Quantity>} */
 const table = new Map();
 
@@ -22,7 +28,8 @@ export function quantityOf(name) {
 export function numberText(value, keep = false) {
   if (!value) return "0";
   const places = Math.max(0, DIGITS - 1 - Math.floor(Math.log10(Math.abs(value))));
-  const text = places <= 9 ? value.toFixed(places) : value.toExponential(DIGITS - 1);
+  const plain = places <= 9 && Math.abs(value) < LONG;
+  const text = plain ? value.toFixed(places) : value.toExponential(DIGITS - 1).replace(/([+-])(\d)$/, "$10$2");
   const short = keep || !text.includes(".") || text.includes("e") ? text : text.replace(/\.?0+$/, "");
   return short.replace("-", "\u2212");
 }
@@ -53,6 +60,23 @@ export function inWords(name) {
 export function roundUp(value, digits = [1, 2, 5]) {
   const power = 10 ** Math.floor(Math.log10(value));
   return power * (digits.find((each) => each * power >= value) ?? 10);
+}
+
+/** Return ends of values, without the outermost of each side, and without garbage: rare values far above the usual decades.
+ * @param {number[]} values in the unit that is shown @returns {[number, number]} */
+export function clippedEnds(values) {
+  const finite = values.filter(Number.isFinite);
+  const decade = (/** @type {number} */ value) => Math.floor(Math.log10(Math.abs(value)));
+  /** @type {Map<number, number>} */ const counts = new Map();
+  for (const value of finite) if (value) counts.set(decade(value), (counts.get(decade(value)) ?? 0) + 1);
+  const most = Math.max(...counts.values());
+  const isUsual = (/** @type {[number, number]} */ [each, count]) => count > (10 ** each < WRONG ? COMMON : 0.5) * most || count === most;
+  const usual = Math.max(...[...counts].filter(isUsual).map(([each]) => each));
+  const rare = [...counts.keys()].filter((each) => each > usual + 1).length;
+  const limit = rare >= SCATTER ? 10 ** (usual + 2) : Math.max(WRONG, 10 ** (usual + 2));
+  const kept = finite.filter((value) => !value || Math.abs(value) < limit).sort((a, b) => a - b);
+  const last = kept.length - 1, share = kept.length < values.length ? CLIP_GARBAGE : CLIP;
+  return [kept[Math.floor((1 - share) * last)], kept[Math.ceil(share * last)]];
 }
 
 /** Return ends of an axis that hold values, at multiples of a round step.

@@ -18,16 +18,19 @@ import { Timeline } from "./timeline.js";
 const LEAST = 1e-6; // time in view [s]
 const ASKED = 60; // between two requests for another view [ms]
 const ZOOM = 1.6; // by one key
+const SILENT = 2; // without data from here on a live screen says so [s]
 const SURE = 3; // impacts that a block has by the mean rate; one with none is of another time
 
 /** All that frames have said of this run, and what the reader looks at. */
 class Screen {
   constructor() {
+    for (const each of elements(".static")) each.remove(); // what a report says without scripts
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     /** @type {import("./marks.js").Range | null} */ this.zoomed = null; // null: follow the drill, or show all
     this.follow = 20; // of a live drill, in view [s]; infinite for the whole run
     this.asking = false;
     this.gone = ""; // when the server went
+    this.heard = performance.now(); // when its last frame came [ms]
     this.reason = "";
     this.shown = ""; // state that the moving section shows
     this.jumps = false; // whether the next block is shown at once
@@ -45,6 +48,29 @@ class Screen {
     this.listen();
     const Source = elements("script.frame").length ? FrozenSource : SocketSource;
     this.source = new Source((frame) => this.take(frame), (open, reason) => this.connect(open, reason));
+    setInterval(() => this.watch(), 500);
+  }
+
+  /** Time since the newest data of a live screen, if that is long; else 0 [s]. */
+  get age() {
+    const age = Math.max((performance.now() - this.heard) / 1e3, this.seen.silent ?? 0);
+    return this.seen.mode === "live" && age >= SILENT ? age : 0;
+  }
+
+  /** Why nothing comes from the drill, and nothing goes there; "" while it does. */
+  get lost() {
+    const { connection, mode } = this.seen;
+    const state = mode === "live" && connection && connection.state !== "connected" ? connection.state : "";
+    return this.gone || this.age ? "not connected" : state;
+  }
+
+  /** Say it when data stop. */
+  watch() {
+    const stale = this.lost && this.lost !== "searching";
+    if (stale) document.documentElement.dataset.stale = "true";
+    else delete document.documentElement.dataset.stale;
+    this.controls.lose(this.lost);
+    this.drawBanner();
   }
 
   /** Whether the screen shows a recording, which has a playhead. */
@@ -80,7 +106,8 @@ class Screen {
     document.documentElement.dataset.connection = open ? "open" : "closed";
     this.gone = open ? "" : this.gone || new Date().toLocaleTimeString();
     this.reason = reason;
-    this.drawBanner();
+    this.heard = performance.now();
+    this.watch();
     if (!open) return;
     this.controls.forget();
     this.ask();
@@ -90,6 +117,7 @@ class Screen {
 
   /** Draw a frame with the next picture of the browser, and acknowledge it. @param {import("./frames.js").Frame} frame */
   take(frame) {
+    this.heard = performance.now();
     requestAnimationFrame(() => (this.draw(frame), this.source.send({ ack: frame.number })));
   }
 
@@ -108,6 +136,7 @@ class Screen {
     if (frame.mode) document.documentElement.dataset.mode = frame.mode;
     // The source knows a whole run only by its ends.
     if ((frame.mode && frame.mode !== mode) || (frame.extent && frame.extent[1] !== extent?.[1] && !this.zoomed && !this.follows)) this.ask();
+    if (frame.moves !== undefined) document.documentElement.dataset.moves = String(frame.moves);
     if (frame.plots) this.plots.define(frame.plots);
     if (frame.drill !== undefined || frame.drills) this.drawDrills();
     if (frame.status?.regime) this.section.setRegime(frame.status.regime);
@@ -115,9 +144,10 @@ class Screen {
     this.drawMotion(frame);
     if (frame.numbers) this.numbers.draw(frame.numbers);
     this.playhead.draw(seen, frame);
+    seen.at = this.past ? this.playhead.time : undefined;
     this.controls.draw(seen, frame);
     this.details.draw(seen, frame);
-    this.drawBanner();
+    this.watch();
     this.drawTime();
     document.documentElement.dataset.frame = String(frame.number);
   }
@@ -173,12 +203,13 @@ class Screen {
     const lost = mode === "live" && connection && connection.state !== "connected" ? connection : null;
     const gone = `The server has gone at ${this.gone}${this.reason && `: ${this.reason}`}. The screen shows what it sent last, and connects again.`;
     const since = lost?.state === "searching" ? `Searching for ${drill}` : `${drill} has gone at ${new Date(1e3 * (lost?.since ?? 0)).toLocaleTimeString()}`;
-    const state = error || (this.gone ? gone : lost ? `${since}${lost.reason && `: ${lost.reason}`}` : "");
+    const late = this.age && `No data for ${Math.floor(this.age)} s: ${this.seen.silent ? drill : "the server"} does not answer. What is shown is so old.`;
+    const state = error || (this.gone ? gone : late ? late : lost ? `${since}${lost.reason && `: ${lost.reason}`}` : "");
     const text = [state, read < 1 ? `${Math.floor(100 * read)} % of the bag is read.` : "", notice].filter(Boolean).join(" ");
     const banner = element("banner");
     if (banner.textContent !== text) banner.textContent = text;
     banner.hidden = !text;
-    banner.dataset.bad = String(Boolean(error || this.gone || lost?.state === "vanished"));
+    banner.dataset.bad = String(Boolean(error || this.gone || late || lost?.state === "vanished"));
   }
 
   // --- What is in view ---
@@ -229,8 +260,8 @@ class Screen {
   /** Keep the playhead in view. */
   reveal() {
     const { start, end } = this.range;
-    const { time, playing, moved } = this.playhead;
-    if (moved && !playing) this.source.send({ section: true });
+    const { time, playing } = this.playhead;
+    if (!playing) this.source.send({ section: true });
     if (this.zoomed && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
     else this.drawTime();
   }
@@ -261,13 +292,15 @@ class Screen {
       "+": () => this.scale(1 / ZOOM),
       "-": () => this.scale(ZOOM),
       Home: () => this.look(null),
-      n: () => this.past && this.playhead.jump("next"),
-      p: () => this.past && this.playhead.jump("previous"),
-      " ": () => element(this.past ? "play" : "pause").click(),
+      n: () => this.playhead.jump("next"),
+      p: () => this.playhead.jump("previous"),
+      " ": () => this.playhead.toggle(),
     };
     document.addEventListener("keydown", (event) => {
       const busy = event.target instanceof Element && event.target.closest(`input, select, [popover], .wide${event.key === " " ? ", button, summary" : ""}`);
-      if (busy || event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
+      // One reader's key must not pause a drill that others use.
+      const absent = !this.past && "np ".includes(event.key);
+      if (busy || absent || event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
       event.preventDefault();
       keys[event.key]();
     });

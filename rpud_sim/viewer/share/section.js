@@ -4,8 +4,9 @@
  * where they touch in the data, and nowhere else. */
 import { roundUp } from "./quantities.js";
 
-/** @typedef {{from: number, to: number | null, name: string, colour: number}} Stratum */
-/** @typedef {{depth: number | null, layers?: Stratum[],
+/** A hole's `tip` is where an arm has put the bit, as a depth [m].
+ * @typedef {{from: number, to: number | null, name: string, colour: number}} Stratum
+ * @typedef {{depth: number | null, tip?: number | null, layers?: Stratum[],
  *   log?: {depth: ArrayLike<number>, rate: ArrayLike<number>, torque: ArrayLike<number>}}} Hole */
 
 const SECTION_PIXEL = 0.0254 / 96; // of CSS [m]
@@ -17,7 +18,7 @@ const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1
 const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_mass", "drill_tool"]);
 const SECTION_TRACKS = /** @type {const} */ ([["torque", "N m", 1], ["rate", "mm/min", 6e4]]); // of the well log, right to left
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
-const SECTION_YIELD = 1e-3; // a tool that moves farther is not in rock [m]
+const SECTION_OFF = 2e-4, SECTION_ABOVE = 36; // distance of a bit that is off the rock [m], its greatest place above the face
 const SECTION_ROUND = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8]; // digits of a depth and of a track
 const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
   "M3 4h.01M11 9h.01M6 13h.01M14 2h.01", "M-2 18L18 -2M-2 2L2 -2M14 18L18 14", "M0 .5H16M0 8.5H16M4 0V8M12 8V16",
@@ -122,7 +123,7 @@ export function mountSection(element, clock) {
     make("text", { class: name, x, y, "text-anchor": anchor }, said);
 
   let ratio = 1, factor = 0, stepFactor = 0; // CSS pixels to a unit; magnification of motions, and below the place of touch
-  let crushed = 0, bottom = SECTION_ROCK; // height of the crushed rock, place of the hole's bottom
+  let crushed = 0, bottom = SECTION_ROCK, bit = SECTION_ROCK; // height of the crushed rock, places of the hole's bottom and of the bit
   let inRock = true, regime = "", drawn = "", told = -Infinity;
   /** @type {Hole | null} */ let hole = null;
 
@@ -141,10 +142,10 @@ export function mountSection(element, clock) {
       [up, down] = [Math.max(up, -plane, -tip, -mass, -tool), Math.max(down, tip, mass, tool)];
       vibration = Math.max(vibration, Math.abs(tip - plane));
     });
-    inRock = regime !== "free" && down < SECTION_YIELD;
+    inRock = hole && typeof hole.tip === "number" ? hole.tip > (hole.depth ?? 0) - SECTION_OFF : regime !== "free";
     const kept = (/** @type {number} */ now, /** @type {number} */ best) => (now <= best && now * 4 > best ? now : best);
     if (up > 1e-6) factor = kept(factor, Math.min(greatest(up, SECTION_UP), greatest(vibration, SECTION_STEP)));
-    stepFactor = inRock ? kept(stepFactor, greatest(Math.max(down, 2e-5), SECTION_STEP)) : greatest(down, SECTION_DOWN);
+    stepFactor = inRock ? kept(stepFactor, greatest(Math.max(down, 2e-5), SECTION_STEP)) : greatest(down, hole ? Math.max(bottom - bit, SECTION_STEP) : SECTION_DOWN);
     factor = Math.min(factor || 5, stepFactor);
     if (!inRock) stepFactor = factor;
     crushed = inRock ? units(down) + 4 : 0;
@@ -165,15 +166,17 @@ export function mountSection(element, clock) {
     const known = Number.isFinite(hole?.depth), deep = known ? Number(hole?.depth) : 0;
     const log = known ? hole?.log : null, tracks = SECTION_TRACKS.filter(([name]) => log && Array.from(log[name]).some(Number.isFinite));
     const layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
-    const state = JSON.stringify([known, deep.toPrecision(4), layers, log?.depth.length, tracks.length, inRock, crushed]);
+    const tip = inRock ? deep : Math.min(hole?.tip ?? -Infinity, deep), drawsRock = inRock || known;
+    const state = JSON.stringify([known, deep.toPrecision(4), tip.toPrecision(4), layers, log?.depth.length, tracks.length, inRock, crushed]);
     if (state === drawn) return;
     drawn = state;
     const boundary = layers.find((each) => each.from > deep)?.from ?? 0;
     const shown = roundUp(Math.max(1.3 * deep, Math.min(1.15 * boundary, 10 * Math.max(deep, 2e-3)), 2e-3), SECTION_ROUND);
     const at = (/** @type {number} */ value) => SECTION_ROCK + (Math.min(value, shown) / shown) * (SECTION_BOTTOM - SECTION_ROCK);
     const drawing = [], left = SECTION_LEFT, right = 526 - 96 * tracks.length, wall = [SECTION_AXIS - 23, SECTION_AXIS + 23];
-    bottom = inRock ? at(deep) : SECTION_ROCK;
-    if (inRock) {
+    bottom = at(deep);
+    bit = !drawsRock ? SECTION_ROCK : Math.max(at(tip), SECTION_ROCK - SECTION_ABOVE); // one without an arm is above the face
+    if (drawsRock) {
       for (const { from, to, name, colour } of layers.filter((each) => each.from < shown)) {
         const y = at(from), height = Math.max(at(to ?? shown) - y, 0);
         for (const fill of [`var(--stratum-${colour % 6})`, `url(#rock-${colour % 6})`])
@@ -185,7 +188,7 @@ export function mountSection(element, clock) {
       drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose),
         path("rubble", loose), path("edge", `M${left} ${SECTION_ROCK}H${wall[0]}V${bottom + crushed}H${wall[1]}V${SECTION_ROCK}H${right}`));
     }
-    if (inRock && known) {
+    if (known) {
       drawing.push(path("line", `M${left - 6} ${SECTION_ROCK}V${SECTION_BOTTOM}`), path("mark", `M${left - 6} ${bottom}l-8 -5v10Z`),
         text("now", left - 17, bottom + 4, `${+(deep * 1e3).toPrecision(3)}`), text("muted", 8, SECTION_ROCK - 14, "depth, mm", "start"));
       for (const tick of sectionTicks(shown * 1.001, 5)) {
@@ -195,8 +198,8 @@ export function mountSection(element, clock) {
       tracks.forEach(([name, unit, scale], each) => drawing.push(...track(name, unit, scale, 448 - 96 * each, at)));
     }
     parts.ground[0].replaceChildren(...drawing);
-    set("shank", "height", bottom - SECTION_TOOL - 37);
-    move("bit", bottom - SECTION_TOOL);
+    set("shank", "height", bit - SECTION_TOOL - 37);
+    move("bit", bit - SECTION_TOOL);
     picture();
   }
 
@@ -270,7 +273,7 @@ export function mountSection(element, clock) {
   });
   return {
     /** Show the hole. @param {Hole | null} value */
-    setHole(value) { hole = value; ground(); },
+    setHole(value) { hole = value; scale(); },
     /** Show the drill in the rock, or before it. @param {string} value `free` or `drilling` */
     setRegime(value) { if (value !== regime) { regime = value; scale(); } },
   };

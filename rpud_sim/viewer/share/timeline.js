@@ -2,7 +2,7 @@
 /* The whole run in one strip: envelope, faults, commands, gaps, the view and the playhead. */
 import { commandsOf, drawSpans, drawTimes, keepSize, placesOf, sharedCursor, sizeOf, timeAxis } from "./marks.js";
 import { columnOf } from "./plots.js";
-import { axisRange, colourOf } from "./quantities.js";
+import { axisRange, clippedEnds, colourOf } from "./quantities.js";
 
 /** Strip below the screen; a drag shows that part, a click goes there. */
 export class Timeline {
@@ -11,6 +11,7 @@ export class Timeline {
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     /** @type {import("./marks.js").Range} */ this.range = { start: 0, end: 1 };
     /** @type {number | null} */ this.playhead = null;
+    /** @type {[number, number]} */ this.ends = [0, 1]; // of the axis of values
     const { hooks, ...shared } = sharedCursor(listener);
     const edge = { stroke: "transparent", width: 0, points: { show: false } };
     /** @type {uPlot.Options} */
@@ -18,7 +19,7 @@ export class Timeline {
       ...sizeOf(host), ...shared,
       series: [{}, { stroke: () => colourOf("force"), width: 1, points: { show: false } }, edge, { ...edge }],
       bands: [{ series: [3, 2], fill: () => colourOf("force", 0.25) }],
-      scales: { x: { time: false, range: () => this.whole() }, y: { range: (_, low, high) => axisRange(low, high, true) } },
+      scales: { x: { time: false, range: () => this.whole() }, y: { range: () => this.ends } },
       axes: [timeAxis(true), { show: false }],
       padding: [2, 14, 0, 14],
       hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen)], draw: [(plot) => this.mark(plot)] },
@@ -37,7 +38,8 @@ export class Timeline {
   draw(seen, range, playhead) {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
     const { t = [], mean = [], low = [], high = [] } = seen.timeline ?? {};
-    this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length))]);
+    this.ends = axisRange(...clippedEnds([mean, low, high].flatMap((values) => Array.from(values))), true);
+    this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length, 1, this.ends))]);
   }
 
   /** Fade what is out of view, and mark commands at the lower edge. @param {uPlot} plot */
@@ -46,9 +48,10 @@ export class Timeline {
     const ratio = uPlot.pxRatio;
     ctx.save();
     const place = placesOf(plot);
-    ctx.fillStyle = colourOf("command");
-    for (const { time } of commandsOf(this.seen))
+    for (const { time, kind } of commandsOf(this.seen)) {
+      ctx.fillStyle = colourOf(kind === "failure" ? "fault" : "command");
       ctx.fillRect(place(time) - ratio / 2, bbox.top + bbox.height - 8 * ratio, ratio * 1.5, 8 * ratio);
+    }
     const [from, to] = [place(this.range.start), place(this.range.end)];
     ctx.fillStyle = colourOf("paper", 0.62);
     ctx.fillRect(bbox.left, bbox.top, from - bbox.left, bbox.height);

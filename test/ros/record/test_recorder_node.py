@@ -249,13 +249,16 @@ NAMES = ("/rpud/status", "/rpud/deep/status", "/rpud/_hidden/status", "/other/cl
         ({"regex": "clock", "topics": ["/tf"]}, {"/other/clock", "/tf"}),
         ({"everything": True}, {"/rpud/status", "/rpud/deep/status", "/other/clock", "/tf"}),
         ({"everything": True, "regex": "clock"}, set(NAMES) - {"/rpud/_hidden/status"}),
-        ({"exclude": "deep"}, {"/rpud/status"}),
-        ({"everything": True, "exclude": "^/rpud"}, {"/other/clock", "/tf"}),
-        ({"topics": ["/tf", "/rpud/status"], "exclude": "tf"}, {"/rpud/status"}),
+        ({"exclude": ["deep"]}, {"/rpud/status"}),
+        ({"everything": True, "exclude": ["^/rpud"]}, {"/other/clock", "/tf"}),
+        ({"topics": ["/tf", "/rpud/status"], "exclude": ["tf"]}, {"/rpud/status"}),
+        ({"everything": True, "exclude": ["deep", "tf"]}, {"/rpud/status", "/other/clock"}),
     ],
 )
 def test_topics_are_chosen_by_name_expression_or_namespace(record, options, wanted):
-    patterns = {key: re.compile(options[key]) for key in options.keys() & {"regex", "exclude"}}
+    patterns = {"exclude": [*map(re.compile, options.get("exclude", ()))]}
+    if "regex" in options:
+        patterns["regex"] = re.compile(options["regex"])
     recorder = record(**(options | patterns), namespace="rpud")
     assert set(filter(recorder.wants, NAMES)) == wanted
     assert not recorder.complete

@@ -10,10 +10,12 @@ from plain_values import parse_targets
 
 from rpud_sim.cli.studies import fit_lines
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import posterior
 from rpud_sim.studies.fit.fit import FitFolder, fit_in, run_fit, run_proof
+from rpud_sim.studies.fit.measures import measure
 from rpud_sim.studies.fit.posterior import Region
 from rpud_sim.studies.fit.result import write_fit
 from rpud_sim.studies.fit.target_file import read_target_file
@@ -102,6 +104,18 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
     assert "<script" not in page
     with pytest.raises(ParameterError, match=r"specification\.seed is 0 there"):
         run_fit(dataclasses.replace(specification, seed=1), tmp_path / "fit", 1)
+
+
+def test_the_default_drill_meets_the_targets_of_the_example():
+    specification = read_target_file(Path(__file__).parents[3] / "config" / "fit_example.yaml")
+    ours = Parameters()
+    values = {name: getattr(ours, name) for name in specification.unknowns}
+    [condition] = specification.conditions
+    configuration = specification.configuration(values, condition)
+    measures = [target.measure for target in specification.targets]
+    found = measure(configuration, 0.0, measures)
+    for target, value in zip(specification.targets, found, strict=True):
+        assert value == pytest.approx(target.value, rel=0.08), target.measure.figure
 
 
 @pytest.mark.extended
