@@ -361,6 +361,13 @@ class DrillClient(ListeningNode):
         if self.status_number < self.published["status"]:  # those that are still on their way
             self._shown = self.published["status"]
             self._latest["status"] = response.status
+        if self._listeners:
+            self._await_listeners()
+        self.take()
+        return response
+
+    def _await_listeners(self) -> None:
+        """Wait until the lists of ``listen`` have what the drill has published."""
         expected = {self.node.resolve_topic_name(n): count for n, count in self.published.items()}
         with suppress(NoAnswerError):  # a best-effort subscription may have lost the last ones
             self.wait_until(
@@ -368,8 +375,6 @@ class DrillClient(ListeningNode):
                 "",
                 min(self.patience, _DELIVERY),
             )
-        self.take()
-        return response
 
     def _ask(self, name: str, request: Any, repeat: bool = False) -> Any:
         self.found()
