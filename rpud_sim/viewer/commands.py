@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.simulation.configuration import parameter_rows
+from rpud_sim.simulation.fault_kinds import magnitude_text
 
 # Kinds of entries; a failure is one of a test.
 COMMAND, FAULT, RUN, REFUSAL, FAILURE = "command", "fault", "run", "refusal", "failure"
@@ -24,6 +26,8 @@ _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed")  # kinds whose value holds until the next one
 
+_NAMES = {kind: kind.replace("_", " ") for kind in _LASTING}
+
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
 
 
@@ -34,11 +38,15 @@ class LogEntry:
     time: float  # since the run, or the bag, began [s]
     kind: str  # ``COMMAND``, ``FAULT``, ``RUN`` or ``REFUSAL``
     text: str
+    name: str = ""  # of what has changed several times
     count: int = 1  # of the changes that it stands for
 
     def plain(self) -> dict[str, Any]:
-        more = f", the last of {self.count} changes in a row" if self.count > 1 else ""
-        return {"time": self.time, "kind": self.kind, "text": self.text + more}
+        """Return it as a frame has it; of several changes ``feed ×361, last at 2 mm/s``."""
+        text, last = self.text, self.text.removeprefix(self.name).strip()
+        if self.count > 1:
+            text = f"{self.name} \N{MULTIPLICATION SIGN}{self.count}, last {last}"
+        return {"time": self.time, "kind": self.kind, "text": text}
 
 
 class Commands:
@@ -78,6 +86,7 @@ class Commands:
             entry.time, entry.text, entry.count = time, text[:_LENGTH], entry.count + 1
         else:
             entry = self._log(time, sort, text)
+            entry.name = _NAMES.get(kind, "")
         self._last[kind] = time, text, row, entry
 
     def refuse(self, time: float, reason: str) -> None:
@@ -107,6 +116,7 @@ class Commands:
         return {
             "log": [entry.plain() for entry in entries],
             "log_thinned": self._count - len(self._entries),
+            "parameters": parameter_rows(self.parameters),
         }
 
     def _log(self, time: float, kind: str, text: str) -> LogEntry:
@@ -185,8 +195,8 @@ def _shown(quantity: str, value: float) -> str:
 
 
 def _fault_text(fault: Mapping[str, Any]) -> str:
-    """Return ``noise of wrench 0.3``: kind, channel and magnitude."""
-    kind, channel = str(fault["kind"]).replace("_", " "), str(fault.get("channel") or "")
-    magnitude = float(fault.get("magnitude") or 0.0)
-    size = f" {magnitude:.4g}" if math.isfinite(magnitude) and magnitude else ""
-    return kind + (f" of {channel}" if channel else "") + size
+    """Return ``noise of reacting force 5 N``: kind, channel and magnitude."""
+    kind, channel = str(fault["kind"]), str(fault.get("channel") or "")
+    size = magnitude_text(kind, channel, float(fault.get("magnitude") or 0.0))
+    words = kind + (f" of {channel}" if channel else "")
+    return f"{words.replace('_', ' ')} {size}".strip()

@@ -14,6 +14,7 @@ from rpud_sim.drilling.rock import ROCKS, find_strata
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.simulation.batch import Batch
+from rpud_sim.simulation.fault_kinds import magnitude_text
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins, Impacts, Layer
 from rpud_sim.viewer.commands import Commands
@@ -146,11 +147,13 @@ class History:
             if len(self._faults) >= MOST_FAULTS and (run, int(fault.number)) not in self._faults:
                 self.unlisted += 1
                 continue
+            size = float(fault.magnitude)
             self._faults[run, int(fault.number)] = {
                 "number": int(fault.number),
                 "kind": str(fault.kind),
                 "channel": str(fault.channel),
-                "magnitude": float(fault.magnitude),
+                "magnitude": size,
+                "size": magnitude_text(str(fault.kind), str(fault.channel), size),
                 "onset": seconds(fault.onset, origin),
                 "end": None if fault.active else seconds(fault.clear, origin),
                 "active": bool(fault.active),
@@ -251,8 +254,10 @@ class History:
     def timeline(self) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
         first = (each for each in self.own_signals if self.bins[-1].has(each.name))
-        signal = self.signal("peak_force") or next(first, None)
-        return self.line(signal, 0.0, self.time or 0.0) if signal else {}
+        signal, of = self.signal("peak_force"), "peak_force"
+        if signal is None and (signal := next(first, None)):
+            of = signal.name
+        return {**self.line(signal, 0.0, self.time or 0.0), "of": of} if signal else {}
 
     def impact_layers(
         self, start: float, end: float, width: int, wanted: Collection[str]

@@ -292,7 +292,7 @@ def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
 
 
 def run_tables(manifest: Manifest) -> list[Table]:
-    """Return where a run came from, and its parameters if they are known."""
+    """Return where a run came from; the journal has its parameters."""
     origin = {
         "drill": manifest.node,
         "forked from": str(dict(manifest.forked_from)) if manifest.forked_from else "",
@@ -300,15 +300,8 @@ def run_tables(manifest: Manifest) -> list[Table]:
         "machine": manifest.machine,
         "versions": ", ".join(f"{name} {text}" for name, text in manifest.versions.items()),
     }
-    parameters = {
-        name: f"{value:g}" if isinstance(value, float) else f"{value}"
-        for name, value in sorted(manifest.parameters.items())
-    }
-    tables = []
-    for title, found in (("run", origin), ("parameters", parameters)):
-        if rows := [[name, text[:_LONGEST]] for name, text in found.items() if text]:
-            tables.append({"title": title, "columns": [], "rows": rows})
-    return tables
+    rows = [[name, text[:_LONGEST]] for name, text in origin.items() if text]
+    return [{"title": "run", "columns": [], "rows": rows}] if rows else []
 
 
 def _text(quantity: str, value: float | None) -> str:

@@ -353,7 +353,8 @@ class _Frames(_Guarded, WebSocketHandler):
                 arguments = asked.get("arguments", {})
                 if not isinstance(arguments, dict):
                     raise ValueError("arguments")
-                content = {"name": _text(asked["act"]), "arguments": arguments}
+                given = {"name": _text(asked["act"]), "id": _text(asked.get("id", ""))}
+                content = {**given, "arguments": arguments}
                 await self.server.work(request, client, "act", content)
             case name:
                 raise ValueError(name)

@@ -1,17 +1,20 @@
 // @ts-check
 /* What all plots over time share: the axis, the cursor, and marks of faults, gaps, commands and the playhead. */
-import { LONG, colourOf, inWords, timeText } from "./quantities.js";
+import { LONG, clockText, colourOf, inWords, timeText } from "./quantities.js";
 
 /**
- * @typedef {Partial<import("./frames.js").Frame>} Seen what all frames of a run have said
+ * @typedef {Partial<import("./frames.js").Frame> & {mark?: number | null}} Seen what all frames of a run have said, and the second cursor
  * @typedef {{start: number, end: number}} Range
  * @typedef {{zoom: (start: number, end: number) => void, look: (zoomed: Range | null) => void,
- *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
+ *   point: (time: number | null) => void, click: (time: number) => void, move: (shift: number) => void,
+ *   mark: (time: number) => void}} Listener hands of the reader
  */
 
 export const AXIS = 52; // width of every axis of values, as --axis [px]
 export const END = 10; // free on the right, as --end [px]
 
+const LONG_RUN = 600; // s; from here on axes have hours and minutes
+const MINUTES = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 43200, 86400, 604800]; // steps of these [s]
 const STEPS = Array.from({ length: 60 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
 
 /** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
@@ -37,8 +40,17 @@ export function keepSize(plot, host, then) {
 /** @param {(number | null)[]} values of an axis, null for none @param {number} step between them @returns {string[]} */
 function tickTexts(values, step) {
   const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-  const text = (/** @type {number} */ value) => (Math.abs(value) < LONG ? value.toFixed(places) : value.toExponential(1));
+  const most = Math.max(...values.map((value) => Math.abs(value ?? 0))), plain = most < LONG && (most >= 1e-3 || !most);
+  const text = (/** @type {number} */ value) => (plain || !value ? value.toFixed(plain ? places : 0) : value.toExponential(1));
   return values.map((value) => (value === null ? "" : text(value).replace("-", "\u2212")));
+}
+
+/** @param {number[]} times of an axis [s] @param {number} step between them @returns {string[]} with their units */
+function timeTexts(times, step) {
+  if (step >= 1 && times[times.length - 1] >= LONG_RUN) return times.map((time) => clockText(time));
+  if (step >= 0.01) return tickTexts(times, step).map((text) => `${text} s`);
+  const whole = Math.floor(times[0] ?? 0), texts = tickTexts(times.map((time) => 1e3 * (time - whole)), 1e3 * step);
+  return texts.map((text, place) => (whole ? `${place ? "" : `${whole} s `}+${text} ms` : `${text} ms`));
 }
 
 /** Return the time axis of a plot, whose times may be written below another one.
@@ -46,9 +58,10 @@ function tickTexts(values, step) {
 export function timeAxis(written) {
   return axisOf({
     size: written ? 18 : 0, gap: 4, space: 90,
+    incrs: (plot) => (Number(plot.scales.x.max) >= LONG_RUN ? [...STEPS.filter((each) => each < 1), ...MINUTES] : STEPS),
     values: (plot, values, _, __, step) => {
       const edge = plot.bbox.width / uPlot.pxRatio + 8; // a text that would be cut there is left out
-      return tickTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.2 * text.length < edge ? text : ""));
+      return timeTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.2 * text.length < edge ? text : ""));
     },
   });
 }
@@ -61,7 +74,22 @@ export function sharedCursor(listener) {
   const cursor = {
     y: false, points: { show: false }, drag: { setScale: false, x: true, y: false, dist: 4 },
     sync: { key: "time", scales: ["x", null], filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" } },
-    bind: { dblclick: () => () => (listener.look(null), null) },
+    bind: {
+      dblclick: () => () => (listener.look(null), null),
+      mousedown: (plot, _, handler) => (event) => {
+        if (!event.shiftKey || event.button) return handler(event);
+        let [from, moved] = [event.clientX, false];
+        const release = new AbortController();
+        document.addEventListener("mousemove", ({ clientX }) => {
+          moved ||= Math.abs(clientX - from) > 3;
+          if (!moved) return;
+          listener.move(plot.posToVal(from, "x") - plot.posToVal(clientX, "x"));
+          from = clientX;
+        }, release);
+        document.addEventListener("mouseup", () => (release.abort(), moved || listener.mark(plot.posToVal(plot.cursor.left ?? 0, "x"))), release);
+        return null;
+      },
+    },
   };
   return {
     legend: { show: false },
@@ -75,7 +103,7 @@ export function sharedCursor(listener) {
       }],
       ready: [(plot) => {
         plot.over.addEventListener("mousedown", () => (dragged = false));
-        plot.over.addEventListener("click", (event) => dragged || listener.click(plot.posToVal(event.offsetX, "x")));
+        plot.over.addEventListener("click", (event) => dragged || event.shiftKey || listener.click(plot.posToVal(event.offsetX, "x")));
       }],
     },
   };
@@ -92,7 +120,7 @@ export function drawSpans(plot, seen) {
   const place = placesOf(plot);
   for (const fault of seen.faults ?? []) {
     const [from, to] = [place(fault.onset), place(fault.end ?? seen.now ?? Infinity)];
-    ctx.fillStyle = colourOf("fault", 0.11);
+    ctx.fillStyle = colourOf("fault", 0.07);
     ctx.fillRect(from, bbox.top, to - from, bbox.height);
     ctx.fillStyle = colourOf("fault", 0.7);
     if (from > bbox.left && from < bbox.left + bbox.width) ctx.fillRect(from, bbox.top, uPlot.pxRatio, bbox.height);

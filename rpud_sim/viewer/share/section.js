@@ -95,12 +95,12 @@ export function mountSection(element, clock) {
   svg.innerHTML = sectionDrawing();
   const speed = document.createElement("select"), hold = document.createElement("button");
   const [legend, pace, factors] = ["p", "span", "span"].map((name) => document.createElement(name));
-  for (const each of [1, 2, 5, 20]) speed.add(new Option(`${each} ms`, `${each}`, each === clock.speed, each === clock.speed));
-  speed.ariaLabel = "motion that a second shows";
+  for (const each of [1, 2, 5, 20]) speed.add(new Option(`${1e3 / each}\u00d7`, `${each}`, each === clock.speed, each === clock.speed));
+  speed.ariaLabel = "slow motion";
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
   hold.addEventListener("click", () => clock.toggle());
   pace.className = "pace";
-  pace.append("1 s shows ", speed, " ", hold);
+  pace.append("slow motion ", speed, " ", hold);
   legend.append(pace, factors);
   element.classList.add("section");
   element.replaceChildren(svg, legend);
@@ -153,9 +153,8 @@ export function mountSection(element, clock) {
     set("bar", "d", `M14 ${SECTION_TOUCH}h8m-4 0V${top}m-4 0h8`);
     set("length", "y", (SECTION_TOUCH + top) / 2 + 4);
     write("length", sectionLength(length));
-    const stepped = stepFactor > factor;
-    factors.textContent = `motion ${factor} times its size${stepped ? `, the tool's step ${stepFactor} times` : ""}`;
-    write("step", block && stepped ? `step ×${stepFactor}: ${sectionLength(down, 2)}` : "");
+    factors.textContent = `motion drawn ${factor}×`;
+    write("step", block && stepFactor > factor ? `indentation ${sectionLength(down, 2)}, drawn ${stepFactor}×` : "");
     write("tip-text", vibration > 1e-7 ? `tip, vibrates ±${sectionLength(vibration, 2)}` : "tip");
     element.classList.toggle("free", !inRock);
     ground();
@@ -261,7 +260,7 @@ export function mountSection(element, clock) {
   new ResizeObserver(() => {
     const { width, height } = svg.getBoundingClientRect();
     ratio = Math.min(width / 540, height / 720) || 1;
-    element.classList.toggle("small", ratio < 0.8);
+    svg.style.fontSize = `${Math.max(13, Math.min(12 / ratio, 17))}px`; // 12 px of the page
     scale();
   }).observe(svg);
   clock.listen((changed) => {
