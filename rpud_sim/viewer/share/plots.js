@@ -5,7 +5,7 @@ import { AXIS, END, axisOf, commandsOf, drawSpans, drawTimes, drawWords, sharedC
 import { axisRange, clippedEnds, colourOf, quantityOf, valueText } from "./quantities.js";
 
 const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
-const CONTACT = 1e-3; // of a shorter view the axis of the motion fits the indentation [s]
+const NEAR = 1e-3; // of a shorter view the axis of the motion fits the indentation [s]
 
 /** @typedef {import("./frames.js").PlotLayer} PlotLayer @typedef {import("./marks.js").Seen} Seen @typedef {import("./marks.js").Range} Range */
 
@@ -155,7 +155,7 @@ export class TimePlot {
 
   /** Layers to which the axis fits: in the view of a contact the tip may be far away. */
   get fitted() {
-    const near = this.definition.id === "motion" && this.range.end - this.range.start < CONTACT;
+    const near = this.definition.id === "motion" && this.range.end - this.range.start < NEAR;
     return this.shownLayers.filter(({ quantity }) => !(near && quantity === "actuator"));
   }
 
