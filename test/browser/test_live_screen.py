@@ -180,6 +180,7 @@ def test_each_control_does_what_it_says(live, client):
     client.until(lambda: client.faults and client.faults[-1].active)
     fault = client.faults[-1]
     assert (fault.kind, fault.channel, fault.magnitude) == ("bias", "reacting_force", 2.5)
+    live.until("document.querySelector('#alarms li')")
     text_has(live, "#alarms li", r"^bias on reacting force .*magnitude 2\.5 Nfor \d+ s, since [\d.]+ s")
     text_is(live, "#count", "1 active")
     click(live, f"clear fault {fault.number}")

@@ -37,7 +37,9 @@ export class Numbers {
       value.textContent = valueText(name, shown?.mean, false, true);
       value.classList.toggle("long", value.textContent.length > 7);
       value.dataset.exact = String(shown?.mean);
-      const [least, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
+      const [finest, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
+      // The least value needs no more places than the greatest.
+      const least = finest.length > greatest.length + 1 && Number.isFinite(Number(finest)) ? String(Number(Number(finest).toFixed(greatest.split(".")[1]?.length))) : finest;
       ends.textContent = least === greatest ? "last 1 s" : `${least} to ${greatest}\nmin\u2013max, last 1 s`;
       line.setAttribute("d", sparkPath(shown?.spark ?? []));
     }

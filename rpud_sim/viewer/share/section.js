@@ -78,6 +78,7 @@ function sectionDrawing() {
     <rect class="cut" x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/></g>
   <path class="axis" d="M${x} 4V${SECTION_BOTTOM}"/>
   ${moving(384, "free mass", "mass")}${moving(420, "drill tool", "tool")}<text data-part="step" class="muted" x="352" y="441"></text>
+  <text data-part="drawn" class="muted" x="352" y="459"></text>
   <g data-part="flash" class="force" opacity="0"><ellipse cx="${x}" rx="74" ry="15"/>
     <text data-part="force" class="big" x="${x - 46}" y="6" text-anchor="end"></text></g>
   <path data-part="chips" class="chips" d=""/>
@@ -154,7 +155,9 @@ export function mountSection(element, clock) {
     set("length", "y", (SECTION_TOUCH + top) / 2 + 4);
     write("length", sectionLength(length));
     factors.textContent = `motion drawn ${factor}×`;
-    write("step", block && stepFactor > factor ? `indentation ${sectionLength(down, 2)}, drawn ${stepFactor}×` : "");
+    const indents = block && stepFactor > factor;
+    write("step", indents ? `indentation ${sectionLength(down, 2)}` : "");
+    write("drawn", indents ? `drawn ${stepFactor}×` : "");
     write("tip-text", vibration > 1e-7 ? `tip, vibrates ±${sectionLength(vibration, 2)}` : "tip");
     element.classList.toggle("free", !inRock);
     ground();
