@@ -292,7 +292,7 @@ def parameter_rows(parameters: Mapping[str, Any]) -> list[list[str]]:
 
 def _value_text(value: Any, unit: str) -> str:
     number = isinstance(value, float)
-    return quantity_in(unit, abs(value)).text(value) if number else f"{value!s:.160}"
+    return quantity_in(unit, abs(value)).text(value) if number else f"{value!s:.160}" or "none"
 
 
 def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
