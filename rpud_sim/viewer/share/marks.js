@@ -20,7 +20,7 @@ const STEPS = Array.from({ length: 60 }, (_, i) => [1, 2, 5].map((each) => Numbe
 /** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
 export function axisOf(options) {
   return {
-    stroke: () => colourOf("muted"), font: "11px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
+    stroke: () => colourOf("muted"), font: "12px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
     grid: { stroke: () => colourOf("rule"), width: 1 },
     values: (_, values, __, ___, step) => tickTexts(values, step),
     ...options,
@@ -61,7 +61,7 @@ export function timeAxis(written) {
     incrs: (plot) => (Number(plot.scales.x.max) >= LONG_RUN ? [...STEPS.filter((each) => each < 1), ...MINUTES] : STEPS),
     values: (plot, values, _, __, step) => {
       const edge = plot.bbox.width / uPlot.pxRatio + 8; // a text that would be cut there is left out
-      return timeTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.2 * text.length < edge ? text : ""));
+      return timeTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.5 * text.length < edge ? text : ""));
     },
   });
 }
@@ -165,13 +165,13 @@ export function drawWords(plot, seen) {
   const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
   const words = [...faults, ...commandsOf(seen).map(({ time, text, kind }) => ({ time, text, colour: kind === "failure" ? "fault" : "command" }))];
   ctx.save();
-  ctx.font = `${11 * uPlot.pxRatio}px system-ui, sans-serif`;
+  ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
   [ctx.textAlign, ctx.textBaseline] = ["left", "top"];
   let free = bbox.left; // from here on
   for (const { time, text, colour } of words.sort((a, b) => a.time - b.time)) {
-    const x = plot.valToPos(time, "x", true) + 4 * uPlot.pxRatio;
-    const end = x + ctx.measureText(text).width;
-    if (x < free || end > bbox.left + bbox.width) continue;
+    const { width } = ctx.measureText(text), at = plot.valToPos(time, "x", true), gap = 4 * uPlot.pxRatio;
+    const x = at + gap + width > bbox.left + bbox.width ? at - gap - width : at + gap, end = x + width;
+    if (x < free || at > bbox.left + bbox.width) continue;
     ctx.fillStyle = colourOf(colour);
     ctx.fillText(text, x, bbox.top + 2 * uPlot.pxRatio);
     free = end;

@@ -221,7 +221,7 @@ export class TimePlot {
         }
       const [above, below] = beyond;
       const texts = [above && `${above} above`, below && `${below} below`, outliers?.more && `${outliers.more} outliers not drawn`].filter(Boolean);
-      ctx.font = `${10 * ratio}px system-ui, sans-serif`;
+      ctx.font = `${12 * ratio}px system-ui, sans-serif`;
       [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
       ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 16 * ratio);
     }
