@@ -60,8 +60,9 @@ export function timeAxis(written) {
     size: written ? 18 : 0, gap: 4, space: 90,
     incrs: (plot) => (Number(plot.scales.x.max) >= LONG_RUN ? [...STEPS.filter((each) => each < 1), ...MINUTES] : STEPS),
     values: (plot, values, _, __, step) => {
-      const edge = plot.bbox.width / uPlot.pxRatio + 8; // a text that would be cut there is left out
-      return timeTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.5 * text.length < edge ? text : ""));
+      const [before, edge] = [-plot.bbox.left, plot.bbox.width].map((each) => each / uPlot.pxRatio);
+      const fits = (/** @type {number} */ x, /** @type {number} */ half) => x - half > before && x + half < edge + 8; // others would be cut
+      return timeTexts(values, step).map((text, i) => (written && fits(plot.valToPos(values[i], "x"), 3.5 * text.length) ? text : ""));
     },
   });
 }

@@ -302,9 +302,9 @@ class Screen {
   reveal() {
     this.ask();
     const { start, end } = this.range;
-    const { time, playing } = this.playhead;
+    const { time, playing, moved } = this.playhead;
     if (!playing) this.source.send({ section: true });
-    if (this.zoomed && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
+    if (this.zoomed && moved && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
     else this.drawTime();
   }
 
