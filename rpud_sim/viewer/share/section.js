@@ -184,7 +184,9 @@ export function mountSection(element, clock) {
         for (const fill of [`var(--stratum-${colour % 6})`, `url(#rock-${colour % 6})`])
           drawing.push(make("rect", { fill, x: left, y, width: right - left, height }));
         if (from > 0) drawing.push(path("line", `M${left} ${y}H${right}`));
-        if (height > 15) drawing.push(text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name));
+        const label = text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name), room = right - wall[1] - 12;
+        if (name.length * 8.8 > room) label.setAttribute("textLength", `${room}`), label.setAttribute("lengthAdjust", "spacingAndGlyphs");
+        if (height > 15) drawing.push(label);
       }
       const loose = `M${wall[0]} ${bottom}H${wall[1]}v${crushed}H${wall[0]}Z`;
       drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose),
