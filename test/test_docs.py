@@ -82,7 +82,7 @@ def run(command, folder):
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=name_of)
 def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
-    """Of a block ``text about`` only the words count: a live drill or this machine gives its numbers."""
+    """Of a block ``text about`` the words count: a live drill or this machine gives the numbers."""
     for folder in ("config", "examples"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     printed, shown, about, ran = [], [], [], False
