@@ -40,7 +40,6 @@ def test_both_manifests_are_fit_for_a_release():
             ("rpud_sim/ros/graph.py", ("^", f"try:\n    {text}\n"), f"imports {name}, of which")
             for name, text in (
                 ("rosbag2_interfaces", "from rosbag2_interfaces.srv import Seek"),
-                ("simulation_interfaces", "from simulation_interfaces import srv as standard"),
                 ("nav_msgs", "import nav_msgs.msg"),
             )
         ),

@@ -29,7 +29,7 @@ from rpud_sim.ros.drill.managed_node import (
     log_exceptions,
 )
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
-from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
+from rpud_sim.ros.drill.services import DeliveryServer, DrillServices, offer_standard_services
 from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.process import StartError, StopRequest, limit_end, limited_end, running_ros
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
@@ -77,7 +77,8 @@ class DrillNode(ManagedNode):
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
         for topic in ALL_COMMAND_TOPICS:
             CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
-        DrillServices(self, self.loop, lambda: self.settings)
+        services = DrillServices(self, self.loop, lambda: self.settings)
+        offer_standard_services(self, services)
         DeliveryServer(self, self.loop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)

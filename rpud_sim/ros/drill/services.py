@@ -1,4 +1,4 @@
-"""Services of the drill: faults, journal, delivery and time."""
+"""Services of the drill: faults, journal, delivery and time, also as the standard has them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Fault as FaultMessage
@@ -36,10 +37,18 @@ from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.drill.timeline import LONGEST_STEP, InterruptedStepError, Reached
 from rpud_sim.ros.graph import DiscoveryProbe, filled
 from rpud_sim.ros.threads import StoppedError
+from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import fault_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, CHANNELS, TOPICS
+
+try:
+    from simulation_interfaces import srv as standard
+    from simulation_interfaces.msg import SimulatorFeatures
+
+except ImportError:
+    standard = None
 
 STOPPED = SimulationState.STATE_STOPPED
 PLAYING = SimulationState.STATE_PLAYING
@@ -77,15 +86,15 @@ class DrillServices:
             (InjectFault, "inject_fault", self._inject, None),
             (ClearFault, "clear_fault", self._clear, None),
             (SetBool, "engage", self._engage, None),
-            (GetSimulationState, "simulation/get_state", self._get_state, None),
-            (SetSimulationState, "simulation/set_state", self._set_state, None),
+            (GetSimulationState, "simulation/get_state", self.get_state, None),
+            (SetSimulationState, "simulation/set_state", self.set_state, None),
             (StepSimulation, "simulation/step", self._step, self.stepping),
             (RunToTime, "simulation/run_to", self._run_to, self.stepping),
             (ResetSimulation, "simulation/reset", self._reset, None),
         ):
-            self._offer(kind, name, act, group)
+            self.offer(kind, name, act, group)
 
-    def _offer(
+    def offer(
         self,
         kind: Any,
         name: str,
@@ -96,11 +105,11 @@ class DrillServices:
         self._node.create_service(
             kind,
             name,
-            lambda request, response: self._answer(response, lambda: act(request, response)),
+            lambda request, response: self.answer(response, lambda: act(request, response)),
             callback_group=group,
         )
 
-    def _answer(self, response: Any, act: Callable[[], object]) -> Any:
+    def answer(self, response: Any, act: Callable[[], object]) -> Any:
         """Fill the response with the result of an action, and return it."""
         code, reason = Result.RESULT_OK, ""
         try:
@@ -175,11 +184,17 @@ class DrillServices:
 
     # Simulation time.
 
-    def _get_state(self, request: GetSimulationState.Request, response: Any) -> None:
+    def controls_time(self) -> bool:
+        """Return whether time can be paused and stepped: it follows no other ``/clock``."""
+        return (session := self._loop.started) is None or not session.timeline.source.follows
+
+    def get_state(self, request: Any, response: Any) -> None:
+        """Answer with the state."""
         session = self._loop.started
         response.state.state = STOPPED if session is None else _state_of(session)
 
-    def _set_state(self, request: SetSimulationState.Request, response: Any) -> None:
+    def set_state(self, request: Any, response: Any) -> None:
+        """Play, pause, stop or quit."""
         state = int(request.state.state)
         if state == QUITTING:
             self._loop.quit()
@@ -196,9 +211,9 @@ class DrillServices:
 
         self._loop.request(act)
 
-    def _reset(self, request: ResetSimulation.Request, response: Any) -> None:
-        scopes, scope = ResetSimulation.Request, int(request.scope)
-        seed = int(request.seed) if request.reseed else None
+    def reset(self, scope: int, seed: int | None = None) -> None:
+        """Restart the time, the state or both."""
+        scopes = ResetSimulation.Request
         known = scopes.SCOPE_TIME | scopes.SCOPE_STATE | scopes.SCOPE_SPAWNED
         bits = known if scope in (scopes.SCOPE_DEFAULT, scopes.SCOPE_ALL) else scope
         if bits & ~known:
@@ -215,16 +230,23 @@ class DrillServices:
 
         self._loop.request(act)
 
-    def _advance(
-        self, request: Any, response: Any, until_of: Callable[[Session], int], shuffle: int = 0
-    ) -> None:
-        """Step to a time [ns] that is found between two blocks, or raise InterruptedStepError."""
+    def step_until(self, until_of: Callable[[Session], int], shuffle: int = 0) -> Reached:
+        """Step to a time [ns] that is found between two blocks, or raise InterruptedStepError.
+
+        ``shuffle`` is as in ``Session.step``.
+        """
 
         def begin(session: Session) -> Any:
             _check_own_time(session, "step")
             return session.step(until_of(session), shuffle)
 
         reached: Reached = self._loop.request(begin)
+        return reached
+
+    def _advance(
+        self, request: Any, response: Any, until_of: Callable[[Session], int], shuffle: int = 0
+    ) -> None:
+        reached = self.step_until(until_of, shuffle)
         response.time = nanoseconds_to_time(reached.stamp)
         response.topics = list(reached.published)
         response.published = list(reached.published.values())
@@ -250,6 +272,9 @@ class DrillServices:
             return stamp - session.run.origin
 
         self._advance(request, response, until)
+
+    def _reset(self, request: ResetSimulation.Request, response: Any) -> None:
+        self.reset(int(request.scope), int(request.seed) if request.reseed else None)
 
 
 def message_to_fault(message: FaultMessage) -> Fault:
@@ -310,3 +335,48 @@ class DeliveryServer:
             except (NameValidationException, RuntimeError):  # RCLError: it is too long
                 return False
         return self._probes[name].answered()
+
+
+_FEATURES = (
+    "SIMULATION_RESET",
+    "SIMULATION_RESET_STATE",
+    "SIMULATION_RESET_SPAWNED",
+    "SIMULATION_STATE_GETTING",
+)
+# Not of a drill that follows another's /clock.
+_FEATURES_OF_TIME = (
+    "SIMULATION_RESET_TIME",
+    "SIMULATION_STATE_SETTING",
+    "SIMULATION_STATE_PAUSE",
+    "STEP_SIMULATION_SINGLE",
+    "STEP_SIMULATION_MULTIPLE",
+)
+
+
+def offer_standard_services(node: Node, services: DrillServices) -> None:
+    """Offer ``simulation_interfaces`` where it is installed; a step is a telemetry period."""
+    if standard is None:
+        return
+
+    def answer_features(request: Any, response: Any) -> Any:
+        names = (*_FEATURES, *(_FEATURES_OF_TIME if services.controls_time() else ()))
+        response.features.features = sorted(getattr(SimulatorFeatures, name) for name in names)
+        response.features.custom_info = "rpud_sim: a step is one period of telemetry_rate"
+        return response
+
+    def step(request: Any, response: Any) -> None:
+        def until(session: Session) -> int:
+            rate = session.settings.telemetry_rate
+            return boundary(boundaries_until(session.run.time, rate) + int(request.steps), rate)
+
+        services.step_until(until)
+
+    node.create_service(standard.GetSimulatorFeatures, "get_simulator_features", answer_features)
+    services.offer(standard.GetSimulationState, "get_simulation_state", services.get_state)
+    services.offer(standard.SetSimulationState, "set_simulation_state", services.set_state)
+    services.offer(standard.StepSimulation, "step_simulation", step, services.stepping)
+    services.offer(
+        standard.ResetSimulation,
+        "reset_simulation",
+        lambda request, response: services.reset(int(request.scope)),
+    )
