@@ -54,7 +54,7 @@ SAME_PHASE = 1e-4
 # is smaller than what is missing to its end.
 UPDATES_PER_DECAY = 40.0
 
-# Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
+# Consecutive events within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
 # this limit it would never return.
 LONGEST_STANDSTILL = 10_000
 SHORTEST_SEGMENT = 1e-13
