@@ -84,7 +84,7 @@ def quantile(
 
 
 class _Form(NamedTuple):
-    """Mapping that stands for a formula. Its first key tells the form."""
+    """Mapping that stands for a formula. Its first key gives the form."""
 
     make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
