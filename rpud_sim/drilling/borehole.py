@@ -62,7 +62,7 @@ class BitParameters(ParameterGroup):
         2e-6, "m", "rise of the cuttings by one impact, in a shallow hole", 0.0, 1e-2
     )
     cuttings_choke: float = number(
-        0.5, "", "filling of the flutes above which cuttings hold up the progress", 0.0, 0.95
+        0.5, "", "filling of the flutes above which progress slows", 0.0, 0.95
     )
 
     def __post_init__(self) -> None:
