@@ -56,7 +56,7 @@ class BitParameters(ParameterGroup):
         0.05, "N m/m", "torque of full flutes for each metre in the hole", 0.0, 1e4
     )
     cuttings_bulking: float = number(
-        1.8, "", "volume of the cuttings over that of the rock they come from", 1.0, 5.0
+        1.8, "", "volume of the cuttings over the volume of their rock", 1.0, 5.0
     )
     cuttings_lift: float = number(
         2e-6, "m", "rise of the cuttings by one impact, in a shallow hole", 0.0, 1e-2

@@ -42,7 +42,7 @@ LONGEST_SEGMENT = 0.01
 # bounds.
 LONGEST_SEARCH = 2000
 
-# Collisions at one instant after which the bodies go on together.
+# Collisions at one time after which the bodies move on together.
 MOST_COLLISIONS = 1000
 
 # The vibration of a resonance is steady when its amplitude is this near to its end, relatively, or

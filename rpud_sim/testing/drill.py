@@ -55,7 +55,7 @@ def _noted(
 
 
 class Drill(Lockstep):
-    """Drill in lockstep: simulation time passes in steps alone.
+    """Drill in lockstep: simulation time advances only in steps.
 
     A step is over when every declared answer of the nodes under test is here, and the drill has all
     of their commands. What the drill publishes is computed in the test's process when it is asked
