@@ -85,7 +85,7 @@ def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
     status = client.status
     text_is(live, "#doing", "paused")
     live.until("document.querySelector('#weight').value === '23.5'")
-    for name in ("impacts", "weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
+    for name in ("impacts", "weight_on_bit", "drive_voltage", "depth"):
         until_screen(live, f"screen.seen.status.{name} === {getattr(status, name)}")
     text_is(live, "#driven", f"set {status.drive_voltage:g}\xa0V, 16\xa0kHz")
     text_is(live, "#weight-set", "set 23.5\xa0N")

@@ -107,14 +107,14 @@ export class Controls {
     const pressed = { plays: !stands, pauses: stands, on: status.drive_enabled, off: !status.drive_enabled,
       engages: status.regime !== "free", retracts: status.regime === "free" };
     for (const [id, is] of Object.entries(pressed)) element(id).ariaPressed = String(known && Boolean(is));
-    const feed = status.feed_value, feeds = Number.isFinite(feed); // with an arm the weight on bit follows from the feed
+    const { feed_rate: rate, feed_position: place } = status, feeds = [rate, place].some(Number.isFinite); // with an arm the weight on bit follows from the feed
     [element("press").hidden, element("feed").hidden] = [feeds, !feeds];
     /** @type {Record<string, string>} */
     const texts = {
       stands: stands ? "stands" : known ? "runs" : "",
       "weight-set": `set ${valueText("weight_on_bit", status.weight_on_bit)}`,
       "weight-actual": `reacting ${valueText("reacting_force", numbers.reacting_force?.mean)}`,
-      "feed-set": `set ${valueText(status.feed_mode ? "feed" : "feed_rate", feed)}`,
+      "feed-set": `set ${Number.isFinite(rate) ? valueText("feed_rate", rate) : valueText("feed", place)}`,
       "feed-actual": `at ${valueText("feed", values.mount?.feed)}`,
       driven: `set ${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}`,
       "drive-actual": `tip \u00b1${valueText("vibration_amplitude", status.vibration_amplitude)}`,
@@ -124,7 +124,7 @@ export class Controls {
     };
     for (const [id, text] of Object.entries(texts)) if (element(id).textContent !== text) element(id).textContent = text;
     this.follow(this.weight, status.weight_on_bit);
-    if (!status.feed_mode) this.follow(this.rate, feed && feed * 1e3);
+    if (Number.isFinite(rate)) this.follow(this.rate, rate * 1e3);
   }
 
   /** Mark a field that says something else than what is in force; what a reader has typed stays.
