@@ -409,7 +409,8 @@ def magnitude_text(kind: str, channel: str, magnitude: float) -> str:
     known = KINDS.get(kind)
     if not math.isfinite(magnitude) or (known and not known.magnitude):
         return ""
-    allowed = known.quantity_on(channel) if known and channel in ("", *CHANNELS) else None
+    has = known and (channel in CHANNELS or not known.in_channel_unit)
+    allowed = known.quantity_on(channel) if known and has else None
     return quantity_in(allowed.unit if allowed else "", abs(magnitude)).text(magnitude)
 
 

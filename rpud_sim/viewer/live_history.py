@@ -140,7 +140,8 @@ class LiveHistory(History):
         """Latest values of the fast topics and of power and timing: by topic, by field."""
         latest = self._latest.items()
         fast = {topic: dict(zip(FIELDS[topic], values, strict=True)) for topic, values in latest}
-        return {**fast, "power": self.power, "timing": self.timing}
+        reports = {"power": self.power, "timing": self.timing}
+        return fast | {topic: fields for topic, fields in reports.items() if fields}
 
     def has(self, quantity: str) -> bool:
         return quantity in _ALWAYS or super().has(quantity)
