@@ -414,6 +414,11 @@ def magnitude_text(kind: str, channel: str, magnitude: float) -> str:
     return quantity_in(allowed.unit if allowed else "", abs(magnitude)).text(magnitude)
 
 
+def fault_forms(kinds: Collection[str], channels: Collection[str]) -> dict[str, dict[str, Any]]:
+    """Return the forms of those kinds that are known, by kind."""
+    return {kind: fault_form(kind, channels) for kind in kinds if kind in KINDS}
+
+
 def fault_form(kind: str, channels: Collection[str]) -> dict[str, Any]:
     """Return what a form asks for to inject a fault, as plain values.
 

@@ -26,8 +26,6 @@ _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed")  # kinds whose value holds until the next one
 
-_NAMES = {kind: kind.replace("_", " ") for kind in _LASTING}
-
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
 
 
@@ -43,9 +41,8 @@ class LogEntry:
 
     def plain(self) -> dict[str, Any]:
         """Return it as a frame has it; of several changes ``feed ×361, last at 2 mm/s``."""
-        text, last = self.text, self.text.removeprefix(self.name).strip()
-        if self.count > 1:
-            text = f"{self.name} \N{MULTIPLICATION SIGN}{self.count}, last {last}"
+        times, last = f"\N{MULTIPLICATION SIGN}{self.count}", self.text.removeprefix(self.name)
+        text = f"{self.name} {times}, last {last.strip()}" if self.count > 1 else self.text
         return {"time": self.time, "kind": self.kind, "text": text}
 
 
@@ -86,7 +83,7 @@ class Commands:
             entry.time, entry.text, entry.count = time, text[:_LENGTH], entry.count + 1
         else:
             entry = self._log(time, sort, text)
-            entry.name = _NAMES.get(kind, "")
+            entry.name = kind.replace("_", " ")
         self._last[kind] = time, text, row, entry
 
     def refuse(self, time: float, reason: str) -> None:

@@ -7,17 +7,14 @@ import time
 from collections.abc import Collection, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import QUANTITIES, for_browser
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.recorded.drill_tables import field_units
 from rpud_sim.viewer.history import History
 
 _ALIGNED = 8  # bytes
@@ -58,16 +55,6 @@ _PLOTS = (
     ("motion", "motion", {"": ("", "actuator", "free_mass", "drill_tool")}),
     ("more", "more", _MORE),
 )
-
-
-@cache
-def units() -> dict[str, dict[str, str]]:
-    """Return SI units of the fields of a drill's topics, by topic and field."""
-    found = {}
-    for name, topic in TOPICS.items():
-        columns = compiled(topic.type, find_definition(topic.type))[1]
-        found[name] = {column.name: column.unit for column in columns if column.unit}
-    return found
 
 
 def plots_of(history: History) -> list[dict[str, Any]]:
@@ -208,7 +195,7 @@ def measured(history: History, client: ClientState) -> dict[str, Any]:
         plots = plots_of(history)
         if due("plots", plots):
             others = [each.for_browser() for each in history.others()]
-            found |= {"plots": plots, "quantities": for_browser() + others, "units": units()}
+            found |= {"plots": plots, "quantities": for_browser() + others, "units": field_units()}
     if due("moment", (version, at), 0.2 * pace):
         found |= history.moment(at)
     if due("whole", version, 1.0 * pace):

@@ -25,7 +25,7 @@ from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics
 from rpud_sim.ros.process import StartError
-from rpud_sim.simulation.fault_kinds import KINDS, fault_form
+from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
 from rpud_sim.viewer.live_history import LiveHistory
 from rpud_sim.viewer.server import EXPIRY, PageServer, Place
@@ -88,8 +88,7 @@ class Actions:
 
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
-        # Names, arguments, times, and who asked.
-        self.waiting: deque[tuple[str, dict[str, Any], float, str]] = deque()
+        self.waiting: deque[tuple[str, dict[str, Any], float, str]] = deque()  # last: the asker
         self._outcomes: deque[dict[str, Any]] = deque(maxlen=_KEPT)
         self._numbers = count(1)
 
@@ -99,10 +98,7 @@ class Actions:
         return list(self._outcomes)
 
     def add(self, name: str, arguments: dict[str, Any], asker: str = "") -> None:
-        """Queue an action; one that does not exist is a ParameterError.
-
-        ``asker`` is a text with which the asker finds the outcome.
-        """
+        """Queue an action of an asker; one that does not exist is a ParameterError."""
         if name not in ACTIONS:
             raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
         try:
@@ -303,8 +299,7 @@ class LiveDrill:
                 if (run := self._history.run) != asked_run:
                     with suppress(ClientError):  # asked again, unless it is gone
                         response = client.list_faults()
-                        known = [kind for kind in response.kinds if kind in KINDS]
-                        self.kinds = {each: fault_form(each, response.channels) for each in known}
+                        self.kinds = fault_forms(response.kinds, response.channels)
                         asked_run = run
             self._wake.wait(_PERIOD)
             self._wake.clear()
@@ -402,8 +397,8 @@ class LiveStore(Store):
         return self._namespaces
 
     def _state(self, drill: LiveDrill, history: LiveHistory) -> dict[str, Any]:
-        status, since = history.status, history.since
-        counts = {**status, **history.timing}
+        status, since = history.reports.get("status", {}), history.since
+        counts = {**status, **history.reports.get("timing", {})}
         state = {
             "run": history.run,
             "drills": sorted({*self._namespaces, drill.namespace}),
