@@ -267,11 +267,10 @@ def _words(plain: Any) -> str:
     if word in ("onset", "cleared", "fault"):
         verb = {"onset": "begins", "cleared": "ends", "fault": "lasts"}[word]
         return f"{_words(plain[word]).replace('_', ' ')} {verb}"
-    text = f"{word} {_words(plain[word])}"
-    for key in others:
-        value = " and ".join(plain[key]) if key == "between" else _words(plain[key])
-        text += f": {value}" if key == "expect" else f" {key} {value}"
-    return text
+    spans = {key: " and ".join(plain[key]) for key in others if key == "between"}
+    signs = {"expect": ":"}
+    rest = [f"{signs.get(key, f' {key}')} {spans.get(key) or _words(plain[key])}" for key in others]
+    return f"{word} {_words(plain[word])}{''.join(rest)}"
 
 
 def to_plain(formula: f.Formula) -> Any:

@@ -40,10 +40,13 @@ class LogEntry:
     count: int = 1  # of the changes that it stands for
 
     def plain(self) -> dict[str, Any]:
-        """Return it as a frame has it; of several changes ``feed ×361, last at 2 mm/s``."""
-        times, last = f"\N{MULTIPLICATION SIGN}{self.count}", self.text.removeprefix(self.name)
-        text = f"{self.name} {times}, last {last.strip()}" if self.count > 1 else self.text
-        return {"time": self.time, "kind": self.kind, "text": text}
+        last = self.text.removeprefix(self.name)
+        times = f"{self.name} \N{MULTIPLICATION SIGN}{self.count}, last{last}"
+        return {
+            "time": self.time,
+            "kind": self.kind,
+            "text": times if self.count > 1 else self.text,
+        }
 
 
 class Commands:

@@ -147,12 +147,11 @@ class History:
             if len(self._faults) >= MOST_FAULTS and (run, int(fault.number)) not in self._faults:
                 self.unlisted += 1
                 continue
-            size = float(fault.magnitude)
             self._faults[run, int(fault.number)] = {
                 "number": int(fault.number),
                 "kind": str(fault.kind),
                 "channel": str(fault.channel),
-                "magnitude": size,
+                "magnitude": (size := float(fault.magnitude)),
                 "size": magnitude_text(str(fault.kind), str(fault.channel), size),
                 "onset": seconds(fault.onset, origin),
                 "end": None if fault.active else seconds(fault.clear, origin),
@@ -257,10 +256,11 @@ class History:
     def timeline(self) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
         first = (each for each in self.own_signals if self.bins[-1].has(each.name))
-        signal, of = self.signal("peak_force"), "peak_force"
-        if signal is None and (signal := next(first, None)):
-            of = signal.name
-        return {**self.line(signal, 0.0, self.time or 0.0), "of": of} if signal else {}
+        peak = self.signal("peak_force")
+        if not (signal := peak or next(first, None)):
+            return {}
+        of = "peak_force" if peak else signal.name
+        return self.line(signal, 0.0, self.time or 0.0) | {"of": of}
 
     def impact_layers(
         self, start: float, end: float, width: int, wanted: Collection[str]

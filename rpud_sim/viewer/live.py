@@ -51,8 +51,6 @@ MOST_DRILLS = 16  # with subscriptions; for a further one, a drill that has ende
 
 _GAP = 1.0  # shortest time before the first message that is shown as a gap [s]
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
-
-
 # Rows of "timing", and what timing or status have for them.
 _TIMING = {
     "latest block of the last report": "lateness_max",

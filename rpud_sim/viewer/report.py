@@ -163,7 +163,7 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
             if isinstance(found, RunVerdict):
                 seen |= asdict(found)
             else:
-                tables += run_tables(found)
+                tables.append(run_table(found))
                 seen.setdefault("seed", found.seed)
     return seen | {"tables": tables}
 
@@ -292,7 +292,7 @@ def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
     return {"title": title, "columns": columns, "rows": rows}
 
 
-def run_tables(manifest: Manifest) -> list[Table]:
+def run_table(manifest: Manifest) -> Table:
     """Return where a run came from; the journal has its parameters."""
     origin = {
         "drill": manifest.node,
@@ -302,7 +302,7 @@ def run_tables(manifest: Manifest) -> list[Table]:
         "versions": ", ".join(f"{name} {text}" for name, text in manifest.versions.items()),
     }
     rows = [[name, text[:_LONGEST]] for name, text in origin.items() if text]
-    return [{"title": "run", "columns": [], "rows": rows}] if rows else []
+    return {"title": "run", "columns": [], "rows": rows}
 
 
 def _text(quantity: str, value: float | None) -> str:

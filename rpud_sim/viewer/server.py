@@ -354,8 +354,7 @@ class _Frames(_Guarded, WebSocketHandler):
                 if not isinstance(arguments, dict):
                     raise ValueError("arguments")
                 given = {"name": _text(asked["act"]), "id": _text(asked.get("id", ""))}
-                content = {**given, "arguments": arguments}
-                await self.server.work(request, client, "act", content)
+                await self.server.work(request, client, "act", given | {"arguments": arguments})
             case name:
                 raise ValueError(name)
 
