@@ -40,13 +40,9 @@ class LogEntry:
     count: int = 1  # of the changes that it stands for
 
     def plain(self) -> dict[str, Any]:
-        last = self.text.removeprefix(self.name)
-        times = f"{self.name} \N{MULTIPLICATION SIGN}{self.count}, last{last}"
-        return {
-            "time": self.time,
-            "kind": self.kind,
-            "text": times if self.count > 1 else self.text,
-        }
+        times, last = f"\N{MULTIPLICATION SIGN}{self.count}", self.text.removeprefix(self.name)
+        text = f"{self.name} {times}, last{last}" if self.count > 1 else self.text
+        return {"time": self.time, "kind": self.kind, "text": text}
 
 
 class Commands:
