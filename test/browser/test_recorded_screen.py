@@ -93,6 +93,12 @@ def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):
     assert page.tab.locator("[data-plot=motion] canvas").is_visible()  # exact as well
     page.tab.get_by_role("button", name="previous impact").click()
     text_has(page, "#found", f"^impact at {times[following - 1]:.9f} s")
+    # The mean of a second lasts through the contact; the time is as exact, and covers nothing.
+    page.tab.locator("[data-plot=more] select").select_option(label="power, mean of a second")
+    until_screen(page, "screen.plots.plots.at(-1).plot.data[1].length > 1")
+    assert of_screen(page, "screen.plots.plots.at(-1).plot.data[0].at(-1) >= screen.range.end")
+    time, button = (page.tab.locator(each).bounding_box() for each in ("#time", "#previous"))
+    assert time["x"] + time["width"] <= button["x"]
     page.keep("contact", whole=False)
     page.assert_quiet()
 

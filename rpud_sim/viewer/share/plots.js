@@ -137,10 +137,11 @@ export class TimePlot {
 
   /** @param {PlotLayer} layer @returns {import("./frames.js").Layer | undefined} what is known of it in the present view */
   known(layer) {
-    const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined;
-    if (!steps?.t.length) return this.seen.view?.layers[layer.quantity];
-    const [t, mean] = [Array.from(steps.t), Array.from(steps.v)];
-    return { t: [...t, Math.max(this.seen.now ?? 0, t[t.length - 1])], mean: [...mean, mean[mean.length - 1]] }; // the last one lasts
+    const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined, shown = this.seen.view?.layers[layer.quantity];
+    const before = layer.kind === "line" && (shown?.t[shown.t.length - 1] ?? Infinity) < this.range.start; // such as the mean of a second
+    if (!steps?.t.length && !before) return shown;
+    const [t, mean] = [Array.from(steps?.t ?? shown?.t ?? []), Array.from(steps?.v ?? shown?.mean ?? [])];
+    return { t: [...t, Math.max(steps ? this.seen.now ?? 0 : this.range.end, t[t.length - 1])], mean: [...mean, mean[mean.length - 1]] }; // the last one lasts
   }
 
   /** @returns {uPlot.AlignedData} times of all layers joined, and their values */

@@ -19,8 +19,7 @@ export function setQuantities(list) {
 /** Return a quantity of the table, or one without a unit for the signal of another program.
  * @param {string} name @returns {import("./frames.js").Quantity} */
 export function quantityOf(name) {
-  const plain = { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };
-  return table.get(name) ?? plain;
+  return table.get(name) ?? { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };
 }
 
 /** Return a number with three significant digits, and with all of them before the point.
