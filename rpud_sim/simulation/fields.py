@@ -277,7 +277,7 @@ class Bookkeeping:
 def status_fields(
     simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
 ) -> Fields:
-    applied = simulation.applied
+    applied, mount = simulation.applied, simulation.configuration.mount
     actuator = simulation.actuator
     return {
         "header": header_fields("status", origin + simulation.time),
@@ -290,8 +290,11 @@ def status_fields(
         "drive_frequency": applied.drive.frequency,
         "drive_applied": time_fields(origin + applied.drive_time),
         "feed_mode": FEED_MODES.index(applied.feed.mode),
-        "feed_value": applied.feed.value if simulation.configuration.has_feed else math.nan,
+        "feed_value": applied.feed.value if mount.feed_model == "arm" else math.nan,
         "feed_applied": time_fields(origin + applied.feed_time),
+        "mount_position": applied.mount.position if mount.is_given else math.nan,
+        "mount_velocity": applied.mount.velocity if mount.is_given else math.nan,
+        "mount_applied": time_fields(origin + applied.mount_time),
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,

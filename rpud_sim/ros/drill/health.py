@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any, NamedTuple
 
@@ -40,6 +41,7 @@ _COMMAND_TOPICS = (
     ("command/weight_on_bit",),
     ("command/drive",),
     ("command/feed", JOINT_COMMANDS),
+    ("command/mount",),
 )
 _OK, _WARN, _ERROR = range(3)  # levels of diagnostics
 
@@ -67,7 +69,8 @@ _SHOWN = {
         "commands_accepted, commands_rejected, commands_discarded, command_delay_p50 [s], "
         "command_delay_p99 [s], command_delay_max [s], requests_refused, last_refusal, "
         "weight_on_bit [N], drive_enabled, drive_voltage [V], drive_frequency [Hz], "
-        "feed_mode, feed_value [m/s], feed_value [m], commanders"
+        "feed_mode, feed_value [m/s], feed_value [m], mount_position [m], mount_velocity [m/s], "
+        "commanders"
     ),
     "drill": (
         "state, regime, impacts, vibration_amplitude [m], resonance_frequency [Hz], "
@@ -86,7 +89,9 @@ def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[
     health = _health(run, values, period)
     if mount is None:
         del values["coupling_power"]
-    else:
+    if not run.settings.configuration.mount.is_given:
+        del values["mount_position"], values["mount_velocity"]
+    if math.isfinite(feed):
         values["feed_mode"] = mode
         values["feed_value [m/s]" if mode == RATE else "feed_value [m]"] = feed
     if borehole is not None:

@@ -32,6 +32,8 @@ def take_turn(session: Session) -> float:
     session.publishers.look()
     until = session.next_end
     if timeline.playing and (idle := pacer.idle(until)) > 0.0:
+        if not pacer.ahead:
+            session.act()  # another's clock stands: what is commanded now acts from here on
         session.report_if_due()
         session.publish_deferred(until)
         return idle
