@@ -282,7 +282,13 @@ class Mount:
         feed = self._next_feed(time, interval, disturbances.feed_stalled)
         self._rate = (feed - self._feed) / interval
         if feed != self._feed:
+            start = self.position
             self._feed_work += self._shift(load, feed, self._slip)
+            # What moves the mount itself moves it against the damping of the load spring, too.
+            carried = self.position - start
+            dragged = damping * (carried / interval) * carried
+            self._feed_work += dragged
+            self._drill_work += dragged
         way = self.position - position
         if not self.in_contact:
             way = (self.position - self._feed) - deflection

@@ -30,10 +30,10 @@ def take_turn(session: Session) -> float:
         session.report_if_due()
         return session.publish_clock_at_standstill()
     session.publishers.look()
+    if timeline.source.follows:
+        session.act()  # what came while another's clock stood acts from there on
     until = session.next_end
     if timeline.playing and (idle := pacer.idle(until)) > 0.0:
-        if not pacer.ahead:
-            session.act()  # another's clock stands: what is commanded now acts from here on
         session.report_if_due()
         session.publish_deferred(until)
         return idle
