@@ -89,5 +89,5 @@ class Applied:
     drive_time: int
     feed: Feed = STOPPED
     feed_time: int = 0
-    mount: MountMotion = MountMotion(0.0)
+    mount: MountMotion = MountMotion(0.0, sampled=0)
     mount_time: int = 0
