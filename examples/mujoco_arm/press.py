@@ -2,8 +2,7 @@
 
     python press.py [SECONDS]
 
-prints the depth and where the time goes, and writes the plot flight.png. README.md tells how the
-two simulators exchange motion and force.
+prints the depth, and where the time goes. README.md tells how both exchange motion and force.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import rpud_sim
 STEP = 0.001  # of the exchange [s]
 SURFACE = 0.2665  # height of the mount at which the tool just touches the rock [m]
 WEIGHT, RETREAT = 20.0, -15.0  # force of the arm along the drill axis, toward the rock [N]
-ABOVE = -0.02  # place at which it waits after a jam [m]
+ABOVE, HOLD = -0.02, 3000.0  # place at which it waits after a jam [m], and how stiffly [N/m]
 JAM = 15.0  # time of the jam [s]
 SILENCE = 0.3  # without an impact, which is a jam [s]
 CHALK = 0.0025  # depth at which the limestone begins [m]
@@ -114,14 +113,14 @@ def fly(arm: Arm, exchange: Exchange, duration: float = 20.0) -> dict[str, np.nd
     rows: list[tuple[float, ...]] = []
     weight, last, struck, waited = WEIGHT, 0, np.inf, 0.0
     for _ in range(round(duration / arm.model.opt.timestep)):
-        place, asked = arm.place, time.process_time()
+        place, asked = arm.place, time.perf_counter()
         answer = exchange(place, arm.rate)
-        waited += time.process_time() - asked
+        waited += time.perf_counter() - asked
         if answer.impacts > last and answer.depth > 0.0:
             struck = answer.time
         last = answer.impacts
-        if answer.time - struck > SILENCE:  # it lets go, and stops above the rock
-            weight = RETREAT if place > ABOVE else 0.0
+        if answer.time - struck > SILENCE:  # it lets go, and waits above the rock
+            weight = max(RETREAT, HOLD * (ABOVE - place))
         arm.step(weight, answer.reacting_force, answer.torque)
         rows.append((*answer, arm.place, waited, *arm.data.qpos, *arm.torques))
     names = (*Answer._fields, "place", "waited", *(f"{name}_angle" for name in JOINTS), *JOINTS)
@@ -129,9 +128,12 @@ def fly(arm: Arm, exchange: Exchange, duration: float = 20.0) -> dict[str, np.nd
 
 
 if __name__ == "__main__":
-    begun, arm = time.process_time(), Arm()
-    flown = fly(arm, drill_here(arm.place), float(sys.argv[1]) if len(sys.argv) > 1 else 20.0)
-    took, waited = time.process_time() - begun, flown["waited"][-1]
+    duration = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
+    arm = Arm()
+    exchange = drill_here(arm.place, jam=0.75 * duration)
+    begun, worked = time.perf_counter(), time.process_time()
+    flown = fly(arm, exchange, duration)
+    took, worked = time.perf_counter() - begun, time.process_time() - worked
+    share = flown["waited"][-1] / took
     print(f"hole {1e3 * flown['depth'][-1]:.2f} mm, {flown['impacts'][-1]:.0f} impacts")
-    print(f"mount at the end {1e3 * flown['place'][-1]:.1f} mm")
-    print(f"{flown['time'][-1]:g} s took {took:.1f} s of a core: drill {waited:.1f}, arm {took - waited:.1f}")
+    print(f"{duration:g} s took {worked:.1f} s of a core: {share:.0%} drill, {1 - share:.0%} arm")
