@@ -103,7 +103,6 @@ class Control:
         simulation, given = self.simulation, self._given
         if not simulation.configuration.mount.is_given:
             return given.feed.reduced(share) if share else STOPPED
-        mount = simulation.process.mount
-        if share == 1.0 or mount is None:
+        if share == 1.0 or (mount := simulation.process.mount) is None:
             return given.mount
         return MountMotion(mount.position, given.mount.velocity * share)
