@@ -1,7 +1,10 @@
 """A drill beside MuJoCo: the loop closes, and what the exchange of a step costs is bounded."""
 
 import importlib
+import itertools
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -10,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import welch
-from scipy.stats import t
+from scipy.stats import sem, ttest_ind
 
 import rpud_sim
 
@@ -41,6 +44,21 @@ def flight(press):
     return flown(press)
 
 
+def test_the_two_commands_of_its_page_run_faster_than_real_time(press, tmp_path):
+    page = (FOLDER / "README.md").read_text()
+    commands = re.search(r"```sh\n(.*?)```\n\n```text\n(.*?)```", page, re.DOTALL)
+    install, drill = commands[1].splitlines()
+    assert install.startswith("python -m pip install mujoco")  # `make test-all` has, apart
+    path = os.pathsep.join([os.environ.get("PYTHONPATH", ""), os.environ["RPUD_OPTIONAL"]])
+    done = subprocess.run(
+        [sys.executable, FOLDER.parents[1] / shlex.split(drill)[1], "3"],
+        env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    numbers = re.compile(r"\d+(\.\d+)?")
+    assert numbers.sub("0", done.stdout) == numbers.sub("0", commands[2])
+    assert float(re.search(r"took ([\d.]+) s of a core", done.stdout)[1]) < 3.0
+
+
 def test_the_arm_drills_through_two_layers_and_lets_go_of_a_jam(flight):
     depth, time, force = flight["depth"], flight["time"], flight["reacting_force"]
     assert depth[-1] > 0.005
@@ -63,14 +81,17 @@ def test_the_force_on_the_mount_is_what_the_joints_bear(flight):
     )
 
 
-def test_another_step_changes_no_mean_by_more_than_a_twentieth(press):
+@pytest.mark.timeout(240)
+def test_another_step_changes_no_mean_by_more_than_a_fiftieth(press):
     means = []
-    for step in (0.001, 0.002):
+    for step in (0.0005, 0.001, 0.002):
         short = flown(press, step, 8.0)
         drilling = short["time"] > 3.0
         rate = np.polyfit(short["time"][drilling], short["depth"][drilling], 1)[0]
         means.append((short["reacting_force"][drilling].mean(), rate))
-    assert means[1] == pytest.approx(means[0], rel=0.05)
+        print(f"{1e3 * step:g} ms: {means[-1][0]:.2f} N, {6e4 * rate:.2f} mm/min")
+    for finer, coarser in itertools.pairwise(means):
+        assert coarser == pytest.approx(finer, rel=0.02)
 
 
 SPRING = """<mujoco><option timestep="{step}" gravity="0 0 0" integrator="implicitfast"/>
@@ -121,19 +142,25 @@ def test_half_the_step_has_a_quarter_of_the_error_or_less(press):
     assert errors[0] < 2e-5
 
 
+BANDS = ((2, 8), (8, 25), (25, 80), (80, 250))  # [Hz]
+NAMES = ["mean force [N]", "mean place [m]"]
+NAMES += [f"log power of {n}, {a}-{b} Hz" for n in ("force", "place") for a, b in BANDS]
+
+
 def figures(force, place):
     """Means and logarithms of powers in four bands of frequency, of force and place."""
     found = [force.mean(), place.mean()]
     for series in (force, place):
         frequencies, power = welch(series, 1000.0, nperseg=1024)
-        for low, high in ((2, 8), (8, 25), (25, 80), (80, 250)):
+        for low, high in BANDS:
             found.append(np.log(power[(frequencies >= low) & (frequencies < high)].sum()))
     return found
 
 
+@pytest.mark.timeout(240)
 def test_a_linear_arm_of_mujoco_is_the_built_in_arm(press):
-    runs, skipped, own, others = 8, 500, [], []
-    for seed in range(1, runs + 1):
+    skipped, own, others = 500, [], []
+    for seed in range(1, 17):
         drill = rpud_sim.Drill(
             feed_model="arm", initial_feed=FEED, anchoring_force=1e3, seed=seed, **TELEMETRY
         )
@@ -143,13 +170,17 @@ def test_a_linear_arm_of_mujoco_is_the_built_in_arm(press):
             rows.append(drill.reacting_force)
         place = drill.run["mount"]["position"]
         own.append(figures(np.array(rows[skipped:]), place[skipped:]))
+    for seed in range(101, 109):
         # The built-in mount has no mass: 0.1 kg shows above 300 Hz only.
-        place, _, force = Spring(4.6e-3, 0.1, seed=seed + 100).fly(3.0)
+        place, _, force = Spring(4.6e-3, 0.1, 5e-4, seed=seed).fly(3.0)
+        place, force = place[1::2], force.reshape(-1, 2).mean(axis=1)
         others.append(figures(force[skipped:], place[skipped:]))
     own, others = np.array(own), np.array(others)
-    error = np.sqrt((own.var(0, ddof=1) + others.var(0, ddof=1)) / runs)
-    difference = np.abs(own.mean(0) - others.mean(0))
-    assert (difference < t.ppf(0.9995, 2 * runs - 2) * error).all(), (own, others)
+    error = np.hypot(sem(own), sem(others))
+    for name, *found in zip(NAMES, own.mean(0), others.mean(0), error, strict=True):
+        print("{:25} built-in {:.6g}, MuJoCo {:.6g}, error {:.2g}".format(name, *found))
+    # All ten at once, at a level of 99 %.
+    assert ttest_ind(own, others, equal_var=False).pvalue.min() > 0.001
     assert error[0] < 0.01 * own.mean(0)[0]
     assert error[1] < 0.002 * own.mean(0)[1]
     assert error[2:].max() < 0.25  # of the logarithm of a power
@@ -169,11 +200,13 @@ def test_momentum_and_energy_that_leave_one_simulator_arrive_in_the_other(press)
     impulse = drill.run["contact_force"]["impulse"].sum()
     kept = own["rpud_mass"] * now["nodal_plane_velocity"]
     kept += own["free_mass"] * (now["free_mass_velocity"] - own["gravity"] * duration)
+    print(f"momentum {given - kept:.5g} N s from MuJoCo, {impulse:.5g} N s by impacts")
     assert impulse == pytest.approx(given - kept, rel=0.01)
     # Energy: work of the mount in MuJoCo, and that which the drill took.
     account = drill.run.figures["feed_account"]
     work = (force * (place - before)).sum()
     throughput = np.abs(force * (place - before)).sum()
+    print(f"work of the mount {work:.4g} J in MuJoCo, {account['feed_work']:.4g} J in the drill")
     assert account["feed_work"] == pytest.approx(work, abs=0.02 * throughput)
     assert abs(account["coupling"]) < 0.02 * drill.run.figures["energy_account"]["actuator_work"]
 
