@@ -34,7 +34,10 @@ PAGES = [
 NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 BLOCK = re.compile(r"^```(\w+(?: about)?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 # What no two runs print alike: the time of day, a free port, and how long something took.
-VARYING = re.compile(r"\b1[789]\d{8}\.\d+|(?<=127\.0\.0\.1:)\d+|(?<=in )\d+(\.\d+)?(?= s\b)")
+VARYING = re.compile(
+    r"\b1[789]\d{8}\.\d+|(?<=127\.0\.0\.1:)\d+|(?<=in )\d+(\.\d+)?(?= ?s\b)|"
+    r"(?<=real_time_factor )\d+\.\d+"
+)
 
 
 def name_of(page):
@@ -53,7 +56,7 @@ def runs(page):
 def content(line):
     """Return a line with widths, folders, times of day and the like alike."""
     line = re.sub(r"bags/\S+", "bags/", line.replace("/home/me/rpud_sim/", ""))
-    return " ".join(VARYING.sub("0", line).split())
+    return VARYING.sub("0", " ".join(line.split()))
 
 
 def shape(line):
