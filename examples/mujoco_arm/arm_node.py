@@ -26,6 +26,8 @@ CONNECTING = 0.1  # that the first answer may take, until both have found each o
 
 
 class ArmNode(Node):
+    """Node of the arm: gives time and motion, and takes force and torque."""
+
     def __init__(self, arm: Arm) -> None:
         super().__init__("arm", namespace="rpud")
         self._arm, self._steps, self._latest = arm, START, dict[str, object]()

@@ -75,6 +75,8 @@ COMMAND_NAMES = {  # as in ``Applied``
     MountMotion: "mount",
 }
 
+_RESTING = MountMotion(0.0, sampled=0)
+
 
 @dataclasses.dataclass(frozen=True)
 class Applied:
@@ -89,5 +91,5 @@ class Applied:
     drive_time: int
     feed: Feed = STOPPED
     feed_time: int = 0
-    mount: MountMotion = MountMotion(0.0, sampled=0)
+    mount: MountMotion = _RESTING
     mount_time: int = 0

@@ -119,7 +119,9 @@ class _CommandEntry:
 
     def __post_init__(self) -> None:
         if not self.planned:
-            raise ParameterError("a command has a weight_on_bit, drive, feed or mount beside its time")
+            raise ParameterError(
+                "a command has a weight_on_bit, drive, feed or mount beside its time"
+            )
 
 
 def parse_commands(listed: Cursor) -> tuple[Change, ...]:

@@ -48,9 +48,7 @@ BANDS = {
 }
 COLUMNS = tuple(BANDS)
 # Kinds that a drill without rotation, feed and layers cannot have.
-ON_AN_ARM_ALONE = [
-    name for name, kind in KINDS.items() if {_rotation, _arm, _hole} & {*kind.needs}
-]
+ON_AN_ARM_ALONE = [name for name, kind in KINDS.items() if {_rotation, _arm, _hole} & {*kind.needs}]
 ROWS = (ON_AN_ARM_ALONE[0], "choking", *ON_AN_ARM_ALONE[1:])
 
 
