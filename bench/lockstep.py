@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bench.page import ROOT
 from bench.table import Goal, Row, row
-from rpud_sim.testing import Drill, open_drill
+from rpud_sim.testing import LockstepDrill, open_drill
 
 _TURNS = 3
 _LONG = 60.0  # of simulation time [s]
@@ -89,7 +89,7 @@ def lockstep() -> Iterator[Row]:
     yield row("pytest with four such tests: wall time", [each[-1] for each in durations], "s")
 
 
-def _speed(drill: Drill, seconds: float, count: int) -> float:
+def _speed(drill: LockstepDrill, seconds: float, count: int) -> float:
     """Return how many times faster than real time some steps are."""
     begun = time.monotonic()
     for _ in range(count):

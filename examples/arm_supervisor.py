@@ -207,7 +207,7 @@ class ArmSupervisor(Node):
         drive = Drive(enabled=self._state not in WITHOUT_DRIVE)
         if drive.enabled:
             drive.voltage, drive.frequency = VOLTAGE, FREQUENCY
-        feed = Feed(mode=Feed.MODE_RATE, value=rate)
+        feed = Feed(mode=Feed.MODE_RATE, rate=rate)
         for publisher, command in ((self._drives, drive), (self._feeds, feed)):
             command.header.stamp = stamp(now)
             publisher.publish(command)

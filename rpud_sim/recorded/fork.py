@@ -190,7 +190,7 @@ class Fork:
         found = [*run.advance_to(run.time)]
         yield from found
         if not any(batch.topic == "status" for batch in found):
-            yield run.status()
+            yield from run.reports()
 
 
 def write_fork(
@@ -229,7 +229,8 @@ def write_fork(
         kept += [batch] if batch.topic == "journal" else []
         faults = [batch] if batch.topic == "faults" else faults
     settings = forked.settings
-    topics = offered_topics(settings.values())
+    offered = offered_topics(settings.values())
+    topics = {name: topic for name, topic in offered.items() if not topic.live}
     manifest = new_manifest(
         {**settings.values(), "seed": forked.beginning.seed}, fork.scenario, fork.origin
     )
@@ -247,7 +248,7 @@ def write_fork(
             writer.write(_later(reported(forked, until, report), fork.time), zero)
         writer.write(reported(forked, end, report), zero)
         writer.write(forked.flush(ends=True), zero)
-        writer.write([forked.status("stopped")], zero)
+        writer.write(forked.reports("stopped"), zero)
         count = writer.count - before
     return ForkedBag(
         os.fspath(out),

@@ -73,7 +73,7 @@ class ActuatorParameters(ParameterGroup):
     )
     heat_capacity: float = number(200.0, "J/K", "heat capacity of the actuator", 1e-3, 1e6)
     ambient_temperature: float = number(
-        293.15, "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
+        20.0, "degC", "temperature of the surroundings", -273.15, 150.0
     )
     resonance_temperature_coefficient: float = number(
         -2e-4, "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
@@ -113,7 +113,7 @@ class ActuatorReading:
     frequency: float  # of the voltage [Hz]
     amplitude: float  # of the vibration at the tip [m]
     resonance_frequency: float  # at the present temperature, with its offset, without load [Hz]
-    temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [K]
+    temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [degC]
     current: float = math.nan  # amplitude of the current [A]
     phase: float = math.nan  # by which the current leads the voltage [rad]
     # drawn, averaged over a cycle [W]; negative where the vibration gives power back to the

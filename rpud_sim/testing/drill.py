@@ -41,11 +41,11 @@ __tracebackhide__ = is_verdict
 
 def _noted(
     command: Callable[Concatenate[DrillClient, _Words], _Value],
-) -> Callable[Concatenate[Drill, _Words], _Value]:
+) -> Callable[Concatenate[LockstepDrill, _Words], _Value]:
     """Return a command of the client as one of a test's drill, which writes it down."""
 
     @functools.wraps(command)
-    def act(drill: Drill, /, *given: _Words.args, **named: _Words.kwargs) -> _Value:
+    def act(drill: LockstepDrill, /, *given: _Words.args, **named: _Words.kwargs) -> _Value:
         words = [*map(str, given), *(f"{name}={value}" for name, value in named.items())]
         drill._note(" ".join([command.__name__, *words]))
         with drill._errors_observed():
@@ -54,7 +54,7 @@ def _noted(
     return act
 
 
-class Drill(Lockstep):
+class LockstepDrill(Lockstep):
     """Drill in lockstep: simulation time passes in steps alone.
 
     A step is over when every declared answer of the nodes under test is here, and the drill has all
@@ -269,7 +269,7 @@ class Drill(Lockstep):
         count: int = 1,
         period: float = PERIOD,
         timeout: float = 10.0,
-    ) -> Drill:
+    ) -> LockstepDrill:
         """Declare how the nodes under test answer; a step is over when all have answered.
 
         This takes the place of what was declared before. Without topics no answer is awaited.

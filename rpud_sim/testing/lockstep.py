@@ -47,7 +47,7 @@ def _refused(name: str, other: str) -> Any:
 
 
 class LockstepClient(DrillClient):
-    """Client for what ``Drill`` has no method for; time and reset belong to the lockstep."""
+    """Client for what ``LockstepDrill`` has no method for; time and reset are those of steps."""
 
     step = _refused("step", "step")
     run_to = _refused("run_to", "step")

@@ -104,7 +104,7 @@ class Systems:
         timeout: float,
         note: Callable[[str], None],
     ) -> SystemUnderTest:
-        """Start a process, and wait until it is connected; see ``Drill.start``."""
+        """Start a process, and wait until it is connected; see ``LockstepDrill.start``."""
         words = _words(command)
         if self._ended:
             self._part()

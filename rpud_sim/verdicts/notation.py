@@ -238,7 +238,7 @@ def _operator(text: str) -> str:
 
 
 def to_text(formula: f.Formula) -> str:
-    """Return a formula as one line with the words of a file, as ``always(status.lag < 1 s)``."""
+    """Return a formula as one line with the words of a file, as ``always(timing.lag < 1 s)``."""
     return _line(to_plain(formula))
 
 

@@ -52,7 +52,7 @@ _GAP = 1.0  # shortest time before the server heard the drill that is shown as a
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
 
 
-# Rows of "timing", and what a status has for them.
+# Rows of "timing", and what timing or status have for them.
 _TIMING = {
     "latest block of the last report": "lateness_max",
     "behind its schedule": "lag",
@@ -218,7 +218,7 @@ class LiveDrill:
 
     def _open(self, namespace: str) -> DrillClient:
         client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
-        client.observe(self._latched)
+        client.observe(self._latched, "power", "timing")
         client.check_while_waiting(self._check)
         if self._telemetry is not None:
             self._lost_before += Counter(self._telemetry.lost)
@@ -397,6 +397,7 @@ class LiveStore(Store):
 
     def _state(self, drill: LiveDrill, history: LiveHistory) -> dict[str, Any]:
         status, since = history.status, history.since
+        counts = {**status, **history.timing}
         state = {
             "run": history.run,
             "drills": sorted({*self._namespaces, drill.namespace}),
@@ -409,11 +410,11 @@ class LiveStore(Store):
             "outcomes": drill.actions.outcomes,
             "status": status,
             "timing": {
-                label: QUANTITIES["lateness"].text(status[name])
+                label: QUANTITIES["lateness"].text(counts[name])
                 if name in ("lateness_max", "lag")
-                else number_text(float(status[name]))
+                else number_text(float(counts[name]))
                 for label, name in _TIMING.items()
-                if name in status
+                if name in counts
             },
         }
         if history.time is not None:
