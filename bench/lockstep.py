@@ -75,7 +75,7 @@ def lockstep() -> Iterator[Row]:
             answered.append(_speed(drill, _ANSWERS, 1))
     yield row("a step of 60 s alone: times real time", alone, "", Goal(least=200))
     yield row("hundred steps of 0.1 s alone: times real time", short, "", Goal(least=40))
-    what = "a node that hears 100 Hz and answers at 10 Hz: times real time"
+    what = "a node that receives 100 Hz and answers at 10 Hz: times real time"
     yield row(what, answered, "", Goal(least=20))
     suite = [_wall(_SUITE) for _ in range(_TURNS)]
     yield row("suite of the tutorial: wall time", suite, "s", Goal(most=4.7))

@@ -44,7 +44,7 @@ class ForkedBag:
     path: str  # of the bag
     source: str  # bag from which it forks
     run: int  # number of the run in it
-    at: float  # instant of the fork, in simulation time of that run [s]
+    at: float  # start of the fork, in simulation time of that run [s]
     duration: float  # simulated from there on [s]
     messages: int  # that were written, without those of the journal up to the instant
     changed: bool  # whether anything differs from the recorded run

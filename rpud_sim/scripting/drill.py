@@ -48,8 +48,8 @@ class Drill:
         drill.step(0.1)
         drill.run["reacting_force"]["force"]
 
-    Arguments are those of ``simulate``. A command acts at once; a value that cannot be used is a
-    ParameterError and changes nothing.
+    It has the arguments of ``simulate``. A command takes effect immediately; an invalid value
+    raises a ParameterError and changes nothing.
     """
 
     def __init__(

@@ -35,7 +35,7 @@ class ActuatorParameters(ParameterGroup):
     actuator_model: str = choice(
         "gain",
         ("gain", "resonance"),
-        "gain: the amplitude is proportional to the voltage at once; "
+        "gain: the amplitude is proportional to the voltage, without delay; "
         "resonance: by resonance, with ring-up and power",
     )
     nominal_voltage: float = number(
@@ -123,7 +123,7 @@ class ActuatorReading:
     heat: float = math.nan  # since time zero [J]
     mechanical_work: float = math.nan  # of the vibration on the bodies since time zero [J]
     stored: float = math.nan  # energy of the vibration [J]
-    owed: float = math.nan  # part of the work that the vibration has not yet given [J]
+    owed: float = math.nan  # work that the next update subtracts from the vibration [J]
 
     @property
     def impedance(self) -> float:
@@ -134,7 +134,7 @@ class ActuatorReading:
 class Actuator:
     """Drive of the actuator, its generator and its temperature.
 
-    With the gain model the amplitude follows the voltage at once, at every frequency. With the
+    With the gain model the amplitude follows the voltage immediately, at every frequency. With the
     resonance model the engine integrates the vibration (``rpud_sim.model.resonator``), and this
     object sets the voltage, the drive's frequency and the resonance frequency. Times are integer
     nanoseconds of simulation time. Every drive must have passed ``Configuration.check``; a

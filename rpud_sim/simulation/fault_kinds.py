@@ -342,7 +342,7 @@ KINDS: dict[str, FaultKind] = {
         effects={"side_walk": operator.add},
     ),
     "feed_stall": FaultKind(
-        "the drive of the feed stands still", needs=(_arm,), effects={"feed_stalled": _true}
+        "the drive of the feed stops", needs=(_arm,), effects={"feed_stalled": _true}
     ),
     "arm_slip": FaultKind(
         "the host of the arm slips away from the rock",

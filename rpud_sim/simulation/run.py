@@ -173,7 +173,7 @@ class Run:
     ) -> Iterator[Batch]:
         """Advance to a time [ns], carry out the changes up to then, and yield the messages.
 
-        Where nothing changes, a span of many blocks is computed at once. Otherwise impacts and the
+        Where nothing changes, a span of many blocks is computed together. Otherwise impacts and the
         samples at the end of a block come first, waveform and trajectory last. With ``defer`` these
         two are not yielded: the caller makes and publishes each stream when it has time.
         """

@@ -180,7 +180,7 @@ class Collector:
 
     @property
     def hears_others(self) -> bool:
-        """Whether it has subscribed to more than what every test hears."""
+        """Whether it has subscribed to more than every test does."""
         return len(self.topics) > len(self._always)
 
     def ask(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
@@ -247,7 +247,7 @@ class Collector:
             topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
     def forget_others(self) -> None:
-        """Unsubscribe from all topics but those that every test hears."""
+        """Unsubscribe from all topics except those of every test."""
         for name in set(self.topics) - self._always:
             self.topics.pop(name).close()
             self._wait_set = None

@@ -130,7 +130,7 @@ class ComputedDrill:
             self._keep(Batch.of(time, "journal", {"header": header, **named}), self._journal)
 
     def restart(self) -> None:
-        """Begin with another journal, of a node that has been configured anew."""
+        """Begin with another journal, of a node that has been configured again."""
         self.count = 0
 
     def refresh(self) -> None:

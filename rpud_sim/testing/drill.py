@@ -55,7 +55,7 @@ def _noted(
 
 
 class LockstepDrill(Lockstep):
-    """Drill in lockstep: simulation time passes in steps alone.
+    """Drill in lockstep: simulation time advances only in steps.
 
     A step is over when every declared answer of the nodes under test is here, and the drill has all
     of their commands. What the drill publishes is computed in the test's process when it is asked
@@ -331,7 +331,7 @@ class LockstepDrill(Lockstep):
         self.observed = False
 
     def disturb(self, seed: str | None) -> None:
-        """Have the test's steps disturbed as ``seed`` draws it, and keep what is heard.
+        """Have the test's steps disturbed as ``seed`` draws it, and keep received messages.
 
         None disturbs nothing.
         """
@@ -363,7 +363,7 @@ class LockstepDrill(Lockstep):
 
     def _step_to(self, until: int) -> None:
         text = f"{_STEP}{until / SECOND:.9g} s"
-        if self.log and self.log[-1][1].startswith(_STEP):  # one line for steps in a row
+        if self.log and self.log[-1][1].startswith(_STEP):  # one line for consecutive steps
             self.log[-1] = self.log[-1][0], text
         else:
             self._note(text)

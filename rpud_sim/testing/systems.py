@@ -46,7 +46,7 @@ class SystemUnderTest(ChildProcess):
         super().stop()
 
     def kill(self) -> None:
-        """End it at once; that it is gone is no failure."""
+        """Kill it; its end is no failure."""
         self.expected = True
         super().kill()
 

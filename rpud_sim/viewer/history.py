@@ -382,7 +382,7 @@ def rock_layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
             return []
         return [{"from": 0.0, "to": None, "name": "rock", "colour": 0}]
     if not choice.lstrip().startswith("{") and choice not in ROCKS:
-        return []  # a path: what is recorded or heard never makes this program read a file
+        return []  # a path: no recorded or received text makes this program read a file
     try:
         strata = find_strata(choice)
     except ParameterError:  # another program wrote it

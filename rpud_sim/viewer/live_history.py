@@ -23,7 +23,7 @@ from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_stat
 BIN = 0.05  # length of the finest bins [s]
 _BINS = 1 << 14
 _GREATEST = 2**61  # size of a time with which all calculations fit int64 [ns]
-_JOINING = 0.2  # after the first message, in which other topics may not be heard yet [s]
+_JOINING = 0.2  # after the first message, in which other topics may not have arrived yet [s]
 _LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
 _MOST_SAMPLES = 1200  # of a section
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
@@ -72,7 +72,7 @@ class LiveHistory(History):
         self.status: dict[str, Any] = {}
         self.timing: dict[str, Any] = {}
         self.latest_impacts: deque[tuple[float, float, float]] = deque(maxlen=_LATEST_IMPACTS)
-        # Of the waveform: the newest whose impacts were heard too, and the newest of all.
+        # Of the waveform: the newest whose impacts arrived too, and the newest of all.
         self.block: Block | None = None
         self._newest: Block | None = None
         self._latest: dict[str, tuple[Any, ...]] = {}
@@ -223,7 +223,7 @@ class LiveHistory(History):
         origin = stamp - time
         if entry.kind == "begin":
             # Where the clock goes back, a later status belongs to the run before. Faults are not
-            # repeated: those may be the newest ones, heard before the journal.
+            # repeated: those may be the newest ones, received before the journal.
             status = self._kept.get("status")
             back = bool(self._origins) and origin <= self._origins[-1][1]
             if back and status and _stamp(status) > stamp:

@@ -229,7 +229,7 @@ NO_ROTATION = {"rotation_model": "none"}
 )
 def test_a_fault_without_effect_is_refused_with_the_reason(kind, lacking, reason):
     check_supported(Fault(kind), to_configuration(FULL))
-    with pytest.raises(FaultError, match=f"^{kind} cannot be honoured: it {reason}"):
+    with pytest.raises(FaultError, match=f"^{kind} is not possible: it {reason}"):
         check_supported(Fault(kind), to_configuration({**FULL, **lacking}))
 
 

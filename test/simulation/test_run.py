@@ -196,7 +196,7 @@ def test_under_watch_the_loss_of_planned_commands_makes_the_drill_safe():
     [
         (Clear(3), "there is no fault 3 to clear"),
         (Clear(0, "noise", "wrench"), "there is no noise on wrench to clear"),
-        (Inject(Fault("feed_stall")), "feed_stall cannot be honoured"),
+        (Inject(Fault("feed_stall")), "feed_stall is not possible"),
         (Feed("rate", 1e-3), "feed"),
         (MountMotion(1e-3), "the motion of the mount"),
         (Configure({"weight_on_bit": -1.0}), "weight_on_bit = -1"),

@@ -125,7 +125,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
         ("timing", _OK, True, "on time"),
         ("commands", _ERROR, values["commands_lost"], "commands are lost: the drill is made safe"),
         ("commands", _WARN, discarded, f"{discarded} discarded"),
-        ("commands", _WARN, commanders > 1, f"{commanders} publishers command at once"),
+        ("commands", _WARN, commanders > 1, f"{commanders} publishers send commands"),
         ("commands", _OK, True, f"{values['commands_rejected']} refused"),
         ("drill", _WARN, duplicates, f"{duplicates + 1} nodes have this name"),
         (

@@ -34,7 +34,7 @@ OF_NODE = {
     "/diagnostics": DrillTopic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
     RESULTS: DrillTopic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
 }
-# A node that joins a drill at a standstill has the time at once.
+# Latched, so that a node that joins a paused drill receives the time.
 CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 # That a simulation which nothing paces waits for a subscriber that does not answer [s].
 _LONGEST_WAIT = 1.0

@@ -56,7 +56,7 @@ PAUSED = SimulationState.STATE_PAUSED
 QUITTING = SimulationState.STATE_QUITTING
 _ALREADY = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
 
-_MOST_NODES = 100  # that are asked at a time, whoever wants it
+_MOST_NODES = 100  # that are asked at a time, for any request
 
 
 class RefusedRequestError(Exception):

@@ -60,7 +60,7 @@ def diagnosed(run, part, period=0.01, **changes):
         ("timing", {"lateness_max": 0.0101, "period": 0.1}, OK, "on time"),
         ("timing", {"lateness_max": 2.0, "lag": 1.5}, ERROR, "simulation time lags 1.500 s behind"),
         ("commands", {}, OK, "7 refused"),
-        ("commands", {"commanders": 2}, WARN, "2 publishers command at once"),
+        ("commands", {"commanders": 2}, WARN, "2 publishers send commands"),
         ("commands", {"commanders": 2, "commands_discarded": 3}, WARN, "3 discarded"),
         ("commands", {"commands_lost": True}, ERROR, "commands are lost: the drill is made safe"),
         ("drill", {}, OK, "running"),
