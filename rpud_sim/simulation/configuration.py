@@ -32,7 +32,7 @@ from rpud_sim.foundation.schema import read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Command, Drive, Feed
+from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 
@@ -109,7 +109,7 @@ class Configuration(ParameterGroup):
 
     @property
     def has_feed(self) -> bool:
-        """Whether a feed is commanded, and the weight on bit follows."""
+        """Whether a feed or the mount's motion is commanded, and the weight on bit follows."""
         return self.mount.feed_model != "none"
 
     def check(self, command: Command) -> None:
@@ -126,14 +126,16 @@ class Configuration(ParameterGroup):
                     f"vibration_amplitude at drive voltage {command.voltage:g} V",
                     self.parameters.vibration_amplitude * ratio,
                 )
-        elif isinstance(command, Feed):
-            if not self.has_feed:
-                raise ParameterError("a feed cannot be commanded with feed_model = none")
+        elif isinstance(command, Feed | MountMotion):
+            given, model = isinstance(command, MountMotion), self.mount.feed_model
+            if model != ("given" if given else "arm"):
+                what = "the motion of the mount" if given else "a feed"
+                raise ParameterError(f"{what} cannot be commanded with feed_model = {model}")
             self.mount.check(command)
         elif self.has_feed:
             raise ParameterError(
                 f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
-                "it follows from the feed"
+                f"it follows from the {'mount' if self.mount.is_given else 'feed'}"
             )
 
 

@@ -267,9 +267,9 @@ class CommandCounts:
 
 def status_fields(simulation: Simulation, origin: int, state: str, counts: CommandCounts) -> Fields:
     """Fields of ``rpud_msgs/Status`` that simulation and counts give."""
-    applied = simulation.applied
+    applied, mount = simulation.applied, simulation.configuration.mount
     actuator = simulation.actuator
-    feed = applied.feed if simulation.configuration.has_feed else None
+    feed = applied.feed if mount.feed_model == "arm" else None
     return {
         "header": header_fields("status", origin + simulation.time),
         "state": state,
@@ -285,6 +285,9 @@ def status_fields(simulation: Simulation, origin: int, state: str, counts: Comma
             for mode in FEED_MODES
         },
         "feed_applied": time_fields(origin + applied.feed_time),
+        "mount_position": applied.mount.position if mount.is_given else math.nan,
+        "mount_velocity": applied.mount.velocity if mount.is_given else math.nan,
+        "mount_applied": time_fields(origin + applied.mount_time),
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,

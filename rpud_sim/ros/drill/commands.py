@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 import time
@@ -27,7 +28,7 @@ from rpud_sim.ros.endpoints import SequenceGaps, taken
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
-from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT, time_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME, Fields
@@ -38,6 +39,7 @@ _PASSIVE = (*JOINTS, ROTATION_JOINT)
 
 _FRAME = Text("frame of a command", "a name", LONGEST_NAME)
 
+_LONGEST_WAY = 1.0  # from the sample of a motion to the time at which it acts [s]
 _LOGGED_PER_SECOND = 10
 _MOST_RESULTS = 1000  # that wait to be published: more are counted only
 
@@ -104,6 +106,7 @@ _CONVERSIONS: Mapping[str, Callable[[Any], Command | None]] = {
     "command/weight_on_bit": lambda message: WeightOnBit(message.force),
     "command/drive": lambda message: Drive(message.enabled, message.voltage, message.frequency),
     "command/feed": _to_feed,
+    "command/mount": lambda message: MountMotion(message.position, message.velocity),
     JOINT_COMMANDS: joints_to_feed,
 }
 
@@ -236,7 +239,10 @@ class Inbox:
 
 
 class CommandTopic:
-    """Subscription to a topic of commands; ``now`` is the stamp of one that is given now [ns]."""
+    """Subscription to a topic of commands.
+
+    ``now`` is the stamp of one that is given now, ``origin`` that of simulation time zero [ns].
+    """
 
     def __init__(
         self,
@@ -245,6 +251,7 @@ class CommandTopic:
         inbox: Inbox,
         settings: Callable[[], Settings],
         now: Callable[[], int],
+        origin: Callable[[], int],
     ) -> None:
         self._name = topic.removeprefix("command/")
         self._type = message_class(ALL_COMMAND_TOPICS[topic])
@@ -252,6 +259,7 @@ class CommandTopic:
         self._inbox = inbox
         self._settings = settings
         self._now = now
+        self._origin = origin
         self._overwritten = 0  # as the middleware counts: not those of a queue of its reader
         self._counted = 0  # as discarded
         # rclpy passes the times of a message to a callback with two arguments.
@@ -285,23 +293,29 @@ class CommandTopic:
             _FRAME.check(f"{self._name}: frame_id", message.header.frame_id)
             # None first: the hardware interface publishes while no controller commands.
             if (command := self._convert(message)) is not None:
-                self._check(command, message.header.stamp)
+                command = self._checked(command, message.header.stamp)
                 self._inbox.accept(command, result, arrival(information))
         except ParameterError as error:
             self._inbox.refuse(result, str(error))
 
-    def _check(self, command: Command, stamp: Time) -> None:
+    def _checked(self, command: Command, stamp: Time) -> Command:
+        """Return a command that can act, a motion with the time of its sample."""
         if not self._inbox.opened:
             raise ParameterError(f"{self._name}: the drill is not active")
         settings, given = self._settings(), join_seconds(stamp.sec, stamp.nanosec)
-        age, timeout = (self._now() - given) / SECOND, settings.command_timeout
+        age, longest = (self._now() - given) / SECOND, settings.command_timeout
+        if isinstance(command, MountMotion):
+            longest = longest or _LONGEST_WAY
         # A stamp of zero means that there is none.
-        if timeout and given and not -timeout <= age <= timeout:
+        if longest and given and not -longest <= age <= longest:
             what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
             raise ParameterError(
-                f"{self._name} is stale: its stamp is {what}; allowed is {timeout:g} s"
+                f"{self._name} is stale: its stamp is {what}; allowed is {longest:g} s"
             )
         settings.configuration.check(command)
+        if isinstance(command, MountMotion) and given:
+            return dataclasses.replace(command, sampled=given - self._origin())
+        return command
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count

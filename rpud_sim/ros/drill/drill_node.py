@@ -76,7 +76,8 @@ class DrillNode(ManagedNode):
         self._duplicates = DuplicateNodes(self)
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
         for topic in ALL_COMMAND_TOPICS:
-            CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
+            clock = (self._now, self._origin)
+            CommandTopic(self, topic, self._inbox, lambda: self.settings, *clock)
         services = DrillServices(self, self.loop, lambda: self.settings)
         offer_standard_services(self, services)
         DeliveryServer(self, self.loop)
@@ -210,6 +211,9 @@ class DrillNode(ManagedNode):
         if self.settings.publish_clock and (session := self.loop.session) is not None:
             return session.stamp
         return int(self.get_clock().now().nanoseconds)
+
+    def _origin(self) -> int:
+        return session.run.origin if (session := self.loop.session) is not None else 0
 
     def _fixed(self) -> str:
         """Return why parameters that are not changeable cannot be set now; empty if they can."""

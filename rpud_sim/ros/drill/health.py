@@ -39,6 +39,7 @@ _COMMAND_TOPICS = (
     ("command/weight_on_bit",),
     ("command/drive",),
     ("command/feed", JOINT_COMMANDS),
+    ("command/mount",),
 )
 _OK, _WARN, _ERROR = range(3)  # levels of diagnostics
 
@@ -69,7 +70,7 @@ _SHOWN = {
         "commands_accepted, commands_rejected, commands_discarded, command_delay_p50 [s], "
         "command_delay_p99 [s], command_delay_max [s], requests_refused, last_refusal, "
         "weight_on_bit [N], drive_enabled, drive_voltage [V], drive_frequency [Hz], "
-        "feed_rate [m/s], feed_position [m], commanders"
+        "feed_rate [m/s], feed_position [m], mount_position [m], mount_velocity [m/s], commanders"
     ),
     "drill": (
         "state, regime, impacts, vibration_amplitude [m], resonance_frequency [Hz], "

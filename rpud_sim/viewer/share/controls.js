@@ -118,7 +118,8 @@ export class Controls {
     element("engage").textContent = status.regime === "free" ? "Engage" : "Retract";
     element("engage").dataset.arguments = JSON.stringify({ on: status.regime === "free" });
     const feeds = [status.feed_rate, status.feed_position].some(Number.isFinite); // with an arm the weight on bit follows from the feed
-    [element("press").hidden, element("feed").hidden] = [feeds, !feeds];
+    const given = Number.isFinite(status.mount_position); // and here from the mount, which another simulator moves
+    [element("press").hidden, element("feed").hidden] = [feeds || given, !feeds];
     const weight = status.weight_on_bit;
     if (!Number.isFinite(weight) || weight === this.pressed) return; // what a reader has typed stays
     this.pressed = weight;
