@@ -36,6 +36,7 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Command, Drive, Feed
 
 _LEAST_REAL_TIME_FACTOR = 0.01
+_FRAME_PREFIX = re.compile(r"([A-Za-z][\w/-]*)?", re.ASCII)
 
 # A resonant vibration needs at least this modal mass, as a multiple of the free mass: blows would
 # turn a lighter one about, for which the model has no contact.
@@ -194,6 +195,14 @@ class Settings(ParameterGroup):
     block_duration: float = number(
         0.05, "s", "length of a block of waveform and trajectory", 1e-3, 1.0
     )
+    frame_prefix: str = text(
+        "",
+        "letters, digits, _ / -",
+        "what names of frames and joints begin with, such as left_",
+    )
+    publish_robot_description: bool = flag(
+        False, "whether the node publishes the URDF of the drill on robot_description"
+    )
     scenario: str = text("", "a path", "file of the faults that begin by themselves; none if empty")
     seed: int = number(
         0,
@@ -210,6 +219,11 @@ class Settings(ParameterGroup):
             raise ParameterError(
                 f"real_time_factor = {self.real_time_factor:g} is neither 0, as fast as possible, "
                 f"nor at least {_LEAST_REAL_TIME_FACTOR:g}"
+            )
+        if not _FRAME_PREFIX.fullmatch(self.frame_prefix):
+            raise ParameterError(
+                f"frame_prefix = {shown(self.frame_prefix)} is no beginning of a frame's name: "
+                "letters, digits, _, / and -, a letter first"
             )
         if self.block_duration * self.telemetry_rate < 1.0:
             raise ParameterError(

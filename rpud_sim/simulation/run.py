@@ -28,11 +28,18 @@ from rpud_sim.simulation.changes import (
 from rpud_sim.simulation.commands import DriveChange
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.control import Control
-from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
+from rpud_sim.simulation.fields import (
+    Bookkeeping,
+    faults_fields,
+    journal_fields,
+    prefixed,
+    status_fields,
+)
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import RecentEnergy
 from rpud_sim.simulation.telemetry import Stream, Telemetry
+from rpud_sim.simulation.topics import Fields
 
 _UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)
 
@@ -209,12 +216,13 @@ class Run:
         entries = self._journal.count if self._journal is not None else 0
         powers = self._recent_energy.powers()
         self.coupling_power = powers.pop("coupling_power")
-        return Batch.of(self.time, "status", {**fields, **powers, "journal_entries": entries})
+        fields |= {**powers, "journal_entries": entries}
+        return self._batch(self.time, "status", fields)
 
     def entries(self) -> Iterator[Batch]:
         """Yield the journal's entries since the last call."""
         for entry in self._journal.drain() if self._journal is not None else ():
-            yield Batch.of(entry.time, "journal", journal_fields(entry, self.origin))
+            yield self._batch(entry.time, "journal", journal_fields(entry, self.origin))
 
     def _advance(self, until: int, defer: Callable[[Stream], object] | None) -> Iterator[Batch]:
         """Advance by a block, or by a span of many, not beyond a time [ns]."""
@@ -298,7 +306,10 @@ class Run:
         if faults.active is not self._published_faults:
             self._published_faults = faults.active
             fields = faults_fields(faults, self.time, self.origin)
-            yield Batch.of(self.time, "faults", fields)
+            yield self._batch(self.time, "faults", fields)
+
+    def _batch(self, time: int, topic: str, fields: Fields) -> Batch:
+        return Batch.of(time, topic, prefixed(fields, self.settings.frame_prefix))
 
 
 def _made(stream: Stream | None) -> Iterator[Batch]:

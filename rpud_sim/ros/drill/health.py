@@ -245,7 +245,8 @@ class StatusReporter:
             ),
         )
         self._publishers.publish([status])
-        self._inbox.publish_results(self._publishers, run.origin + run.time)
+        stamp, prefix = run.origin + run.time, run.settings.frame_prefix
+        self._inbox.publish_results(self._publishers, stamp, prefix)
         simulation = run.simulation
         self.last = Report(
             time=run.time,

@@ -44,6 +44,7 @@ from rpud_sim.simulation.configuration import (
     ParameterFile,
     Settings,
     not_of_the_drill,
+    parse_assignment,
     to_settings,
 )
 
@@ -249,7 +250,6 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
         if not (node.has_parameter(name) or name.startswith(OF_ROS))
     }
     pairs = list(pairwise(words))
-    given = {each.partition(":=")[0].rpartition(":")[2] for word, each in pairs if word in ("-p", "--param")}
     for path in (each for word, each in pairs if word == "--params-file"):
         file = ParameterFile(path, node.get_fully_qualified_name())
         if file.missing:
@@ -258,7 +258,13 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
             node.get_logger().info(f"{path}: {not_of_the_drill(file.foreign)}")
         for name in file.foreign:
             values.pop(name, None)
-        values.update((name, file.values[name]) for name in file.values if name not in given)
+        values.update(file.values)
+    # ROS lets a section of this node in a file go before a value that is given for all nodes.
+    for rule in (each for word, each in pairs if word in ("-p", "--param")):
+        target, _, value = rule.partition(":=")
+        owner, _, name = target.rpartition(":")
+        if name in PARAMETERS and owner in ("", node.get_name(), node.get_fully_qualified_name()):
+            values.update([parse_assignment(f"{name}={value}")])
     settings = to_settings(values)
     for declaration in PARAMETERS.values():
         value = settings.value(declaration.name)

@@ -137,7 +137,7 @@ def test_config_says_that_it_leaves_out_what_ros_declares(tmp_path, capfd):
 
 def test_what_is_given_by_name_goes_before_a_file(nodes, tmp_path):
     path = tmp_path / "robot.yaml"
-    path.write_text("drill_node: {ros__parameters: {seed: 1, gravity: 1.62}}")
+    path.write_text("/left/drill_node: {ros__parameters: {seed: 1, gravity: 1.62}}")
     words = ["--ros-args", "-r", "__ns:=/left", "-p", "seed:=2", "--params-file", str(path)]
     nodes.append(DrillNode(cli_args=words))
     assert nodes[-1].settings == to_settings({"seed": 2, "gravity": 1.62})
