@@ -181,6 +181,7 @@ def node():
     rclpy.init()
     values = {
         "publish_clock": True,
+        "publish_robot_description": True,
         "feed_model": "arm",
         "rotation_model": "friction_drive",
         "strata": "sandstone",
