@@ -62,7 +62,7 @@ def prefixed(fields: Fields, prefix: str) -> Fields:
     if not prefix:
         return fields
     header = fields["header"]
-    named = {"header": {**header, "frame_id": prefix + header["frame_id"]}}
+    named: Fields = {"header": {**header, "frame_id": prefix + header["frame_id"]}}
     if "name" in fields:
         named["name"] = [prefix + joint for joint in fields["name"]]
     return {**fields, **named}

@@ -127,7 +127,9 @@ class Telemetry:
         stamps = self.origin + ends
         samples = block.sample_ends()
         for topic in SAMPLED:
-            yield self._batch(topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), span)
+            yield self._batch(
+                topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), span
+            )
         fields = wrench_fields(samples, stamps, block.states)
         yield self._batch("wrench", parts, ends, fields, span)
         for topic in PROCESS_TOPICS:

@@ -245,8 +245,9 @@ class StatusReporter:
             ),
         )
         self._publishers.publish([status])
-        stamp, prefix = run.origin + run.time, run.settings.frame_prefix
-        self._inbox.publish_results(self._publishers, stamp, prefix)
+        self._inbox.publish_results(
+            self._publishers, run.origin + run.time, run.settings.frame_prefix
+        )
         simulation = run.simulation
         self.last = Report(
             time=run.time,

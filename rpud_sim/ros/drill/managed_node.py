@@ -261,10 +261,10 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
         values.update(file.values)
     # ROS lets a section of this node in a file go before a value that is given for all nodes.
     for rule in (each for word, each in pairs if word in ("-p", "--param")):
-        target, _, value = rule.partition(":=")
+        target, _, text = rule.partition(":=")
         owner, _, name = target.rpartition(":")
         if name in PARAMETERS and owner in ("", node.get_name(), node.get_fully_qualified_name()):
-            values.update([parse_assignment(f"{name}={value}")])
+            values.update([parse_assignment(f"{name}={text}")])
     settings = to_settings(values)
     for declaration in PARAMETERS.values():
         value = settings.value(declaration.name)
