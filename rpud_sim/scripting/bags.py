@@ -14,6 +14,9 @@ from rpud_sim.scripting.runs import DrillRun
 class DrillBag(BagReader):
     """Open bag with the runs of its drills; topics of any type have ``arrays`` and ``frame``."""
 
+    def __repr__(self) -> str:
+        return f"<DrillBag {os.fspath(self.path)}: {len(self.readable_topics)} topics>"
+
     @cached_property
     def runs(self) -> tuple[DrillRun, ...]:
         """Runs of the drills in their order; a reset begins a new one.

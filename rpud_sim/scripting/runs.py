@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpud_sim.bag import BagReader, Column
+from rpud_sim.bag import BagReader, Column, Kind
 from rpud_sim.foundation.options import POSITIVE_SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
@@ -48,6 +48,7 @@ _CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHA
 _NODE = "drill_node"
 _CLOSE, _CLOSE_RATE = 0.002, 500_000  # close look of a plot: its length [s], its samples [Hz]
 _RECEIVED = ("log_time", "publish_time")
+_TIMES = (Kind.TIME, Kind.DURATION)
 
 
 class Columns(dict[str, np.ndarray]):
@@ -59,6 +60,11 @@ class Columns(dict[str, np.ndarray]):
 
     def __missing__(self, name: str) -> np.ndarray:
         raise KeyError(f"no column {name!r}; {did_you_mean(str(name), self)}")
+
+    def __repr__(self) -> str:
+        """Return the columns' names and units, and the number of rows."""
+        named = [f"{n} [{unit}]" if (unit := self.units.get(n)) else n for n in self]
+        return f"<Columns of {len(next(iter(self.values()), ()))} rows: {', '.join(named)}>"
 
 
 def simulate(
@@ -287,7 +293,8 @@ class DrillRun:
 def _own_columns(values: Mapping[str, np.ndarray], columns: Sequence[Column]) -> Columns:
     """Return columns without the times of a recorder."""
     kept = {name: each for name, each in values.items() if name not in _RECEIVED}
-    return Columns(kept, {each.name: each.unit for each in columns if each.name in kept})
+    units = {e.name: "ns" if e.kind in _TIMES else e.unit for e in columns if e.name in kept}
+    return Columns(kept, units)
 
 
 def _picture(figure: Figure) -> str:

@@ -92,6 +92,15 @@ def test_it_draws_itself(run):
     assert len(shown) < 200_000
 
 
+def test_objects_show_themselves_in_a_line(run, tmp_path):
+    assert repr(run["reacting_force"]) == (
+        "<Columns of 200 rows: header.stamp [ns], header.frame_id, force [N], impacts>"
+    )
+    run.save(tmp_path / "bag")
+    with rpud_sim.open(tmp_path / "bag") as bag:
+        assert repr(bag) == f"<DrillBag {tmp_path / 'bag'}: {len(bag.readable_topics)} topics>"
+
+
 @pytest.mark.parametrize(
     ("call", "text"),
     [
