@@ -42,7 +42,7 @@ run: install/.package install/.kernels ## Drill in real time for DURATION second
 precompile: install/.kernels ## Compile the model's kernels, so that no start has to
 
 .PHONY: picture
-picture: install/.package install/.kernels .venv/.browser ## Make docs/images anew: drawings, and pages of runs made for it in Chromium
+picture: install/.package install/.kernels .venv/.browser ## Make docs/images again: drawings, and pages of runs made for it in Chromium
 	@$(WITH_ENV) python -m toolchain.pictures docs/images
 
 ##@ Develop

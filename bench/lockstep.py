@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bench.page import ROOT
 from bench.table import Goal, Row, row
-from rpud_sim.testing import Drill, open_drill
+from rpud_sim.testing import LockstepDrill, open_drill
 
 _TURNS = 3
 _LONG = 60.0  # of simulation time [s]
@@ -75,7 +75,7 @@ def lockstep() -> Iterator[Row]:
             answered.append(_speed(drill, _ANSWERS, 1))
     yield row("a step of 60 s alone: times real time", alone, "", Goal(least=200))
     yield row("hundred steps of 0.1 s alone: times real time", short, "", Goal(least=40))
-    what = "a node that hears 100 Hz and answers at 10 Hz: times real time"
+    what = "a node that receives 100 Hz and answers at 10 Hz: times real time"
     yield row(what, answered, "", Goal(least=20))
     suite = [_wall(_SUITE) for _ in range(_TURNS)]
     yield row("suite of the tutorial: wall time", suite, "s", Goal(most=4.7))
@@ -89,7 +89,7 @@ def lockstep() -> Iterator[Row]:
     yield row("pytest with four such tests: wall time", [each[-1] for each in durations], "s")
 
 
-def _speed(drill: Drill, seconds: float, count: int) -> float:
+def _speed(drill: LockstepDrill, seconds: float, count: int) -> float:
     """Return how many times faster than real time some steps are."""
     begun = time.monotonic()
     for _ in range(count):

@@ -28,6 +28,7 @@ from rpud_msgs.msg import (
     NodalPlane,
     ReactingForce,
     Status,
+    Timing,
     Trajectory,
     Waveform,
 )
@@ -67,6 +68,7 @@ class Listener:
     def __init__(self, node: Node) -> None:
         self.tallies = {name: Tally() for name in (*TELEMETRY, *STREAMS, "contact_force")}
         self.status: Status | None = None
+        self.timing: Timing | None = None
         self.arrivals: list[tuple[int, int]] = []  # stamp and arrival of each second's soonest [ns]
         self._second = -1
         self._start: int | None = None
@@ -75,11 +77,12 @@ class Listener:
             "contact_force": (ContactForce, self._on_contact_force),
             "waveform": (Waveform, self._on_waveform),
             "trajectory": (Trajectory, self._on_trajectory),
-            "status": (Status, self._on_status),
+            "status": (Status, self._on_report),
+            "timing": (Timing, self._on_report),
         }
         self._subscriptions = {
             name: node.create_subscription(
-                kind, name, lambda _: None, _LATCHED if name == "status" else _DEEP
+                kind, name, lambda _: None, _LATCHED if name in ("status", "timing") else _DEEP
             )
             for name, (kind, _) in self._hear.items()
         }
@@ -137,8 +140,8 @@ class Listener:
     def _on_trajectory(self, name: str, message: Trajectory, info: Any) -> None:
         self.tallies[name].add(message.sequence, len(message.duration))
 
-    def _on_status(self, name: str, message: Status, info: Any) -> None:
-        self.status = message
+    def _on_report(self, name: str, message: Status | Timing, info: Any) -> None:
+        setattr(self, name, message)
 
 
 def _stamp(message: Any) -> int:
@@ -248,10 +251,9 @@ def soak(duration: float, bag: str | None = None) -> Result:
             if process is not drill:
                 process.interrupt()
             ends.append(checks.ended(process.name, process.wait()))
-        status = listener.status
-        if status is None or not listener.stopped:
+        if listener.timing is None or not listener.stopped:
             raise RuntimeError("the drill's last status was not heard")
-        verdicts = [*_verdicts(listener, status, processes, loads), *ends]
+        verdicts = [*_verdicts(listener, processes, loads), *ends]
     finally:
         for process in processes:
             process.interrupt()
@@ -266,17 +268,18 @@ def soak(duration: float, bag: str | None = None) -> Result:
     return Result(verdicts, notes)
 
 
-def _verdicts(
-    listener: Listener, status: Status, processes: list[Watched], loads: list[float]
-) -> list[Verdict]:
+def _verdicts(listener: Listener, processes: list[Watched], loads: list[float]) -> list[Verdict]:
+    status, timing = listener.status, listener.timing
+    assert status
+    assert timing
     last = listener.number(_stamp(status))
     stamps, arrivals = zip(*listener.arrivals, strict=True)
     tallies = listener.tallies
     return [
         *(checks.memory_growth(p.name, p.times, p.sizes) for p in processes),
         checks.real_time(stamps, arrivals),
-        checks.deadlines(status.deadlines_missed, last + 1, loads),
-        checks.dropped(status.messages_dropped),
+        checks.deadlines(timing.deadlines_missed, last + 1, loads),
+        checks.dropped(timing.messages_dropped),
         *(checks.telemetry(name, tallies[name], last) for name in TELEMETRY),
         checks.impacts(tallies["contact_force"], status.impacts),
         *(checks.stream(name, tallies[name]) for name in STREAMS),

@@ -69,7 +69,7 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
         talk.reset()  # the starts of the others took time from it
         counted = talk.measure(seconds)
         late = {key: each.quantiles() for key, each in running.items()}
-        status, values = talk.status(), talk.diagnostics()
+        values = talk.diagnostics()
         impacts = talk.hearing.delays["contact_force"]
         yield row(
             f"telemetry, {name}: share of one core",
@@ -90,7 +90,7 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
                 what = f"telemetry, {name}: lateness of blocks over that of {bare}, {key}"
                 goal = RATIO if last and bare == _OF_ITS_PRIORITY else None  # like with like
                 yield row(what, [ours / quantiles[key]], "", goal)
-        missed = status.deadlines_missed
+        missed = int(values["deadlines_missed"])
         yield row(f"telemetry, {name}: blocks late by a period", [missed])
         in_time = 100.0 * (1.0 - missed / int(values["blocks"]))
         goal = IN_TIME if largest else None
@@ -98,7 +98,7 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
         for key, share in SHARES.items():
             delay = 1e3 * impacts.quantile(share)
             yield row(f"telemetry, {name}: an impact, stamp to arrival, {key}", [delay], "ms")
-        yield row(f"telemetry, {name}: messages dropped", [status.messages_dropped])
+        yield row(f"telemetry, {name}: messages dropped", [int(values["messages_dropped"])])
         yield from _answers(name, talk)
 
 

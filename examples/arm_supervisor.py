@@ -40,7 +40,7 @@ SLOW = 0.8e-3  # rate of penetration below which the hole is cleared [m/s]
 LOADED = 100_000_000  # of high torque before it is a reason [ns]
 SETTLING = 1_200_000_000  # after which the rate of penetration says something [ns]
 TURNING = 300_000_000  # of the tool above the hole, to throw off the cuttings [ns]
-ARM_FORCE = 80.0  # mean force on the arm above which it gives up [N]
+ARM_FORCE = 80.0  # mean reacting force above which it gives up [N]
 SMOOTHING = 0.1  # share of a new reading in that mean
 
 VOLTAGE, FREQUENCY = 100.0, 16_000.0  # of the drive [V], [Hz]
@@ -207,7 +207,7 @@ class ArmSupervisor(Node):
         drive = Drive(enabled=self._state not in WITHOUT_DRIVE)
         if drive.enabled:
             drive.voltage, drive.frequency = VOLTAGE, FREQUENCY
-        feed = Feed(mode=Feed.MODE_RATE, value=rate)
+        feed = Feed(mode=Feed.MODE_RATE, rate=rate)
         for publisher, command in ((self._drives, drive), (self._feeds, feed)):
             command.header.stamp = stamp(now)
             publisher.publish(command)

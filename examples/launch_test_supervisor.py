@@ -24,7 +24,7 @@ DRILL = {
 
 
 def generate_test_description():
-    """Describe both; the tests begin at once and wait for what they test."""
+    """Describe both; the tests begin immediately and wait for what they test."""
     drill = Node(
         package="rpud_sim",
         executable="drill_node",

@@ -9,7 +9,7 @@ WEIGHT = 30.0  # on bit [N]
 statuses = []
 rclpy.init()
 node = rclpy.create_node("press_harder", namespace="/rpud")
-# The drill latches its status: a late subscriber gets the last one at once.
+# The drill latches its status: a late subscriber receives the last one.
 latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 node.create_subscription(Status, "status", statuses.append, latched)
 commands = node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)

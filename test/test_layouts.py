@@ -100,7 +100,7 @@ def test_foxglove_publishes_commands(layout, panel):
     fill(message, json.loads(panel["value"]))
     if kind is Feed:
         assert message.mode == Feed.MODE_RATE
-        assert f"{1e3 * message.value:g} mm/s" in panel["buttonText"]
+        assert f"{1e3 * message.rate:g} mm/s" in panel["buttonText"]
     else:
         assert str(int(message.force)) in panel["buttonText"]
     # With a feed a weight on bit is rejected, and the other way round.

@@ -190,7 +190,7 @@ class FieldValues:
 class FieldReader:
     """Reader of some columns of one type, from many messages together.
 
-    It goes from field to field in all messages at once. Messages that are not as the others, and
+    It goes from field to field in all messages together. Messages that are not as the others, and
     all of a type with lists of messages, are decoded one by one.
     """
 
@@ -262,7 +262,7 @@ _Places: TypeAlias = "int | np.ndarray"
 
 
 class _Walk:
-    """Walk from field to field in all messages of a batch at once."""
+    """Walk from field to field in all messages of a batch together."""
 
     def __init__(self, codec: Codec, batch: SerializedBatch) -> None:
         self._codec = codec

@@ -217,7 +217,7 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     out=required("new folder for the files", metavar="DIR"),
     format=option(_FORMATS[0], "of the files", choices=_FORMATS),
     topics=option(None, "export only these topics (absolute names)", nargs="+", metavar="TOPIC"),
-    rate=option(None, "export the waveform, rebuilt at so many samples a second", _RATE),
+    rate=option(None, "export the waveform, computed at this rate", _RATE),
     run=run_number_option("with --rate: "),
     start=start_option(),
     duration=duration_option("export"),
@@ -304,10 +304,12 @@ def _each(name: str, metavar: str = "N") -> dict[str, Any]:
     other=positional("B", "bag to compare with it"),
     begin=option(0.0, "compare figures from this simulation time on", SECONDS, flag="--from"),
     end=option(None, "up to this time (default: end of the shorter run)", SECONDS, flag="--to"),
-    settle=option(0.5, "leave out so much after start, commands and faults", SECONDS),
-    tolerance=option(None, "difference that does not matter: are they equivalent?", _PERCENT),
+    settle=option(0.5, "time excluded after start, commands and faults", SECONDS),
+    tolerance=option(None, "accepted difference: are they equivalent?", _PERCENT),
     run_numbers=option((), "run of a bag with several; once, or for each bag", RUN, **_each("run")),
-    namespaces=option((), "drill of a bag with several, likewise", **_each("namespace", "NAME")),
+    namespaces=option(
+        (), "drill of a bag with several; once, or for each bag", **_each("namespace", "NAME")
+    ),
     quantities=option(
         (), "compare only this, such as peak_force; repeatable", **_each("quantity", "NAME")
     ),

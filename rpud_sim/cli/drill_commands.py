@@ -218,13 +218,13 @@ def _clear(drill: DrillClient, fault: str | None, all: bool) -> str:
     return f"cleared: {printable(', '.join(map(str, cleared)) or 'no fault was active')}"
 
 
-@_acting("pause", "", "let the time of a running drill stand still, so that it can be stepped")
+@_acting("pause", "", "pause a running drill, so that it can be stepped")
 def _pause(drill: DrillClient) -> str:
     drill.pause()
     return f"state: {drill.status.state}"
 
 
-@_acting("play", "", "let the time of a paused drill pass")
+@_acting("play", "", "continue a paused drill")
 def _play(drill: DrillClient) -> str:
     drill.play()
     return f"state: {drill.status.state}"
@@ -243,10 +243,10 @@ def _step(drill: DrillClient, seconds: float) -> str:
 @_acting(
     "reset",
     "--seed 7",
-    "let a running drill begin again",
+    "reset a running drill",
     scope=option(
         "all",
-        "what begins again (default: %(default)s)",
+        "what to reset (default: %(default)s)",
         choices=("all", "time", "state", "faults"),
     ),
     seed=option(

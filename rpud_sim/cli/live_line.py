@@ -113,11 +113,11 @@ def summary_text(
     lines = [f"drilled {figures['duration']:.2f} s: {motion}"]
     if report is None:
         return lines[0]
-    status = report.status
+    status, timing = report.status, report.timing
     lines.append(
-        f"{status['impacts']} impacts, {status['deadlines_missed']} deadlines missed, "
+        f"{status['impacts']} impacts, {timing['deadlines_missed']} deadlines missed, "
         f"{status['commands_accepted']} commands accepted, {status['commands_rejected']} refused, "
-        f"{status['messages_dropped']} messages dropped"
+        f"{timing['messages_dropped']} messages dropped"
     )
     if math.isfinite(status["depth"]):
         lines.append(f"depth {_shown('depth', status['depth'])}")
@@ -136,7 +136,7 @@ def summary_text(
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
     """Return the parts of a live line, some with a longer and a shorter form."""
-    status, process = report.status, report.process
+    status, timing, process = report.status, report.timing, report.process
     kinds = [record.fault.kind for record in report.faults]
     parts: dict[str, tuple[str, ...]] = {
         "time": (f"{report.time / 1e9:7.1f} s",),
@@ -162,10 +162,10 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first)
     if refused := status["commands_rejected"] + report.requests_refused:
         parts["refused"] = (f"{refused} refused",)
-    if dropped := status["messages_dropped"]:
+    if dropped := timing["messages_dropped"]:
         parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
-    parts["late"] = (f"late {_shown('lateness', status['lateness_max'])}",)
-    parts["factor"] = (f"x{status['real_time_factor']:.3f}",)
+    parts["late"] = (f"late {_shown('lateness', timing['lateness_max'])}",)
+    parts["factor"] = (f"x{timing['real_time_factor']:.3f}",)
     return parts
 
 

@@ -60,13 +60,13 @@ _READY = "recording\n"  # that the recorder prints when it records
     ),
     max_loss=option(
         RecordOptions.max_loss,
-        "with --record: seconds of messages that a crash may cost at most, where processor "
+        "with --record: seconds of messages that a crash loses at most, if processor "
         "and disk keep up (default: %(default)g)",
         POSITIVE_SECONDS,
     ),
     watch=option(
         None,
-        "also serve the page of the drill, by a process of its own; 0 is a free port "
+        "also serve the page of the drill, by a second process; 0 is a free port "
         f"(default: {DEFAULT_PORT})",
         PORT,
         nargs="?",
@@ -75,7 +75,7 @@ _READY = "recording\n"  # that the recorder prints when it records
     ),
     namespace=namespace_option("namespace of the node"),
     allow_duplicate=option(
-        False, "drill although a drill of the same name runs; both answer the same requests"
+        False, "start even if a drill of the same name runs; both answer the same requests"
     ),
     quiet=option(False, "no live line of rate and forces"),
 )
@@ -252,7 +252,7 @@ _SEARCH_PERIOD = 0.05  # s
 @command(
     "watch",
     "--port 8810",
-    "show running drills in the browser and act on them, or show a bag",
+    "show and command running drills in the browser, or show a bag",
     "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
     "trajectory. It prints the address of the page, which only this machine can reach unless "
     "--address says otherwise. Other machines then need the token in the address.",

@@ -40,7 +40,7 @@ _SEED = Quantity("", "seed", 0, 2**63, whole=True)
     {**JSON, **PARAMETERS},
     duration=option(10.0, "simulated time", _DURATION),
     repeat=option(1, "runs over initial vibration phases, for standard errors", _REPEAT),
-    seed=option(None, "seed of phases, and of the scenario in place of its own", _SEED),
+    seed=option(None, "seed of phases, and of the scenario instead of its own seed", _SEED),
     commands=option(None, "commands and faults at their times, as of rpud fork", metavar="FILE"),
     bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
 )
@@ -145,25 +145,27 @@ def _show(line: str) -> None:
 @command(
     "fork",
     "bags/first --at 1.5 --inject hard_rock,magnitude=5 --out bags/harder",
-    "go on from any instant of a recorded run, with other commands, parameters or faults",
-    "Without a change the new bag equals the rest of the recorded one, bit for bit. A recorded "
-    "change after the instant is repeated, unless the fork has its own; a live drill repeats none.",
+    "continue a recorded run from any time, with other commands, parameters or faults",
+    "Without a change the new bag equals the rest of the recorded one, bit for bit. Later recorded "
+    "changes are repeated, unless the fork has its own; a live drill repeats none.",
     BAG,
-    at=required("instant of the fork: simulation time since the run began", quantity=SECONDS),
+    at=required(
+        "start of the fork, in simulation time since the beginning of the run", quantity=SECONDS
+    ),
     duration=option(
-        None, "go on so long (default: to the recorded end, or SIGINT)", POSITIVE_SECONDS
+        None, "duration of the fork (default: to the recorded end, or SIGINT)", POSITIVE_SECONDS
     ),
     assignments=option((), "another value of a parameter; can be repeated", **ASSIGNMENT),
     inject=option(
         (),
-        "inject a fault; keys are channel, magnitude, duration and onset, the seconds from the "
-        "instant to the fault; can be repeated",
+        "inject a fault; keys are channel, magnitude, duration and onset, in seconds from the "
+        "start of the fork; can be repeated",
         action="append",
         metavar="KIND[,KEY=VALUE...]",
     ),
-    commands=option(None, "faults, and commands in place of the recorded ones", metavar="FILE"),
+    commands=option(None, "faults, and commands instead of the recorded ones", metavar="FILE"),
     out=option(None, "write a new bag; with --live record it", metavar="DIR"),
-    live=option(False, "go on as a drill node, on ROS topics"),
+    live=option(False, "continue as a drill node, on ROS topics"),
     run=run_number_option(),
     topic=option(None, "topic of the journal, if there are several", metavar="NAME"),
     namespace=option(None, "with --live: namespace of the node (default: the recorded one)"),

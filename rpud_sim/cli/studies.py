@@ -172,8 +172,8 @@ def _proof_lines(proof: dict[str, Any]) -> Iterator[str]:
         )
     verdict = "within" if proof["holds"] else "outside"
     yield (
-        f"{100 * proof['level']:g} % is {verdict} what chance allows; {proof['refused']} synthetic "
-        "drills have no intervals"
+        f"{100 * proof['level']:g} % is {verdict} the expected scatter; {proof['refused']} "
+        "synthetic drills have no intervals"
     )
 
 

@@ -28,14 +28,14 @@ _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 @command(
     "test",
     "bags/first --expect config/expectations.yaml",
-    "judge a bag by the expectations of a file, or run a campaign of tests",
+    "evaluate expectations on a bag, or run a campaign of tests",
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
     "A campaign runs scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
     "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
     subject=positional("BAG|CAMPAIGN", "a bag, or a campaign file that ends in .yaml"),
     expect=option(None, "expectations, as in docs/reference", metavar="FILE"),
-    namespace=option(None, "of the drill, where the bag holds several", metavar="NAME"),
+    namespace=option(None, "of the drill, if the bag has several", metavar="NAME"),
     junit=option(None, "write a JUnit XML file as well", metavar="FILE"),
     json=option(False, "print one JSON object"),
     out=option(None, "folder (default: rpud-artefacts)", metavar="DIR", group="campaigns"),

@@ -115,7 +115,7 @@ def drift(arm: Arm, load: SpringLoad, position: float, rest: float, interval: fl
 
 
 def shift(arm: Arm, load: SpringLoad, position: float, rest: float, new_rest: float) -> Move:
-    """Return the motion of the mount while its place at rest moves at once.
+    """Return the motion of the mount while its place at rest jumps.
 
     A rigid arm carries the mount along; the host slips where that takes more than the anchoring
     force. Another arm is deflected.

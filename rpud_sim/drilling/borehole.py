@@ -56,13 +56,13 @@ class BitParameters(ParameterGroup):
         0.05, "N m/m", "torque of full flutes for each metre in the hole", 0.0, 1e4
     )
     cuttings_bulking: float = number(
-        1.8, "", "volume of the cuttings over that of the rock they come from", 1.0, 5.0
+        1.8, "", "volume of the cuttings over the volume of their rock", 1.0, 5.0
     )
     cuttings_lift: float = number(
         2e-6, "m", "rise of the cuttings by one impact, in a shallow hole", 0.0, 1e-2
     )
     cuttings_choke: float = number(
-        0.5, "", "filling of the flutes above which cuttings hold up the progress", 0.0, 0.95
+        0.5, "", "filling of the flutes above which progress slows", 0.0, 0.95
     )
 
     def __post_init__(self) -> None:

@@ -33,7 +33,7 @@ class Disturbances:
     # of a stone below the bit that is harder than the layer [Pa]; 0 for none
     inclusion_strength: float = 0.0
     extra_torque: float = 0.0  # that resists rotation in the flutes [N m]
-    feed_stalled: bool = False  # whether the drive of the feed stands still
+    feed_stalled: bool = False  # whether the drive of the feed is stopped
     arm_slip_rate: float = 0.0  # at which the host slips away from the rock [m/s]
     side_walk: float = 0.0  # at which the bit walks sideways at the start of a hole [m/s]
     worn_factor: float = 1.0  # on the area of the wear flats of the bit

@@ -249,7 +249,7 @@ class Mount:
         return self._feed + self._slip
 
     def _shift(self, load: SpringLoad, feed: float, slip: float) -> float:
-        """Move feed and host at once; return the work of what moves them [J]."""
+        """Let feed and host jump; return the work that this takes [J]."""
         rest = self._rest
         self._feed, self._slip = feed, slip
         moved = shift(self._arm, load, self.position, rest, self._rest)

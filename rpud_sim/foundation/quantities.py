@@ -289,6 +289,7 @@ _UNITS = {
     "µs": ("s", 1e6),
     "mm³": ("m^3", 1e9),
     "/s": ("1/s", 1.0),
+    "°C": ("degC", 1.0),
 }
 NONE = "\N{EN DASH}"  # in place of a value that is not there
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
@@ -369,8 +370,8 @@ actuator | actuator tip | | mm | plane | 1e-12 | any |
 free_mass | free mass | | mm | mass | 1e-12 | any |
 drill_tool | drill tool | | mm | tool | 1e-12 | any | DrillTool.displacement
 electrical_power | electrical power | | W | power | 1e-6 | | ActuatorState Status
-actuator_power | power of the vibration | | W | power | 1e-6 | | Status
-absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Status
+actuator_power | power of the vibration | | W | power | 1e-6 | | Power Status
+absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Power Status
 power | power | | W | power | 1e-6 | |
 depth | depth | | mm | depth | 1e-9 | | Borehole Status
 penetration_rate | penetration rate | | mm/min | depth | 1e-10 | | Borehole Status
@@ -385,10 +386,10 @@ current | current | | A | power | 1e-9 | | ActuatorState
 drive_voltage | voltage | | V | command | 1e-6 | | Status ActuatorState.voltage
 drive_frequency | drive frequency | | kHz | command | 1e-3 | any | Status ActuatorState.frequency
 resonance_frequency | resonance | | kHz | plane | 1e-3 | any | Status ActuatorState
-temperature | stack temperature | | K | fault | 0 | any | Status.actuator_temperature ActuatorState
+temperature | stack temperature | | °C | fault | 0 | any | Status.actuator_temperature ActuatorState
 packed_cuttings | packed cuttings | | mm³ | depth | 1e-13 | | Borehole
 bit_wear | wear of the bit | | | tool | 1e-9 | | Borehole
-lateness | latest block | | ms | other | 1e-6 | | Status.lateness_max
+lateness | latest block | | ms | other | 1e-6 | | Timing.lateness_max Status.lateness_max
 feed_rate | rate of the feed | | mm/s | command | 1e-9 | |
 impact_interval | impact interval | | ms | force | 1e-9 | |
 impact_velocity | impact velocity | | m/s | mass | 1e-6 | |

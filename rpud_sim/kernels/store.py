@@ -237,7 +237,7 @@ class KernelStore:
         self.refused = f"{self.found.pop().with_name(name)} is not used: {error!r}"
 
     def write(self, name: str, body: bytes) -> Path | None:
-        """Keep a kernel and drop its former versions; return its file, None without a place."""
+        """Keep a kernel and delete its previous versions; return its file, None without a place."""
         for folder in self.folders:
             if not self._is_usable(folder):
                 continue

@@ -85,7 +85,7 @@ STATE = record_type(
         ("next_event", np.uint8),  # what ends the open segment, an END_* of search.py
         ("impacts", np.uint64),  # on the drill tool, so far
         ("impact_open", np.uint8),  # whether the last of them is still in contact
-        ("standstill", np.int64),  # events in a row without time passing
+        ("standstill", np.int64),  # consecutive events without time passing
         *floats("effort"),  # on the event budget, see tolerances.py
         # Of a resonant vibration, see resonator.py; all else is zero if it is prescribed.
         ("resonant", np.uint8),

@@ -90,7 +90,7 @@ class Parameters(ParameterGroup):
         100.0,
     )  # the earth's; the tables have none
     gravity_on_drill: bool = flag(
-        False, "whether gravity acts on the RPUD as well, not on the free mass alone"
+        False, "whether gravity also acts on the RPUD, not only on the free mass"
     )
     contact_model: str = choice(
         "given",

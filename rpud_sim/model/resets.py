@@ -1,8 +1,8 @@
 """Resets: the collisions at one instant, and the contacts that remain closed after it.
 
 Touching pairs collide until none approaches: actuator and free mass by eqs. (4)-(7), free mass and
-drill tool by eqs. (11)-(13), or by eq. (21) in the rock and when jammed. Then the contacts that
-would close again at once are kept, if their forces push.
+drill tool by eqs. (11)-(13), or by eq. (21) in the rock and when jammed. Contacts that would close
+again immediately are kept, if their forces push.
 
 A chattering free mass comes to rest in finite time: where its next bounce would be lower than
 ``LOWEST_BOUNCE`` the contact is kept, until its force vanishes or another body strikes.

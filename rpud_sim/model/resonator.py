@@ -5,16 +5,18 @@ voltage across the motional resistance R in the frame of the drive:
 
     dz/dt = (V - (1 + j delta) z) / tau,  delta = 2 pi (f - f_r) tau
 
-The bodies feel the amplitude s abs(z) and the phase of the drive plus that of z. The branch stores
-tau abs(z)^2 / 4 R, the energy of a modal mass M = tau / (2 R (s Omega)^2) at the tip, draws
-V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - owed, by construction.
+The vibration of the bodies has the amplitude s abs(z) and the sum of the phases of drive and z. The
+branch stores tau abs(z)^2 / 4 R, the energy of a modal mass M = tau / (2 R (s Omega)^2) at the tip,
+draws V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - owed, where ``owed``
+is the work that the next update subtracts.
 
-- A blow on the tip changes velocity and energy of the vibration at once, unless it is at rest.
-- A contact that lasts feels the vibration as it is. Its work is owed and taken at the next update.
+- A blow on the tip changes velocity and energy of the vibration immediately, unless it is at rest.
+- A contact that lasts does not change the vibration. Its work is subtracted at the next update.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
-  frequency that turns their vibration to the envelope's phase until the next update. A vibration
-  more than a quarter of a cycle away turns round first, which moves nothing at a zero. If more is
-  owed than stored, the vibration rests until the drive has made up for it.
+  frequency that turns their vibration to the envelope's phase until the next update. If the phases
+  differ by more than a quarter of a cycle, the vibration is first reversed; at a zero this moves
+  nothing. If a contact has taken more energy than is stored, the vibration stays zero until the
+  drive has restored the energy.
 """
 
 import math
@@ -61,7 +63,7 @@ class ResonatorEnergy(NamedTuple):
     heat: float  # in the motional resistance [J]
     work: float  # on the bodies [J]
     stored: float  # in the vibration [J]
-    owed: float  # of the work, not yet taken from the vibration [J]
+    owed: float  # work that the next update subtracts from the vibration [J]
 
 
 @compiled
@@ -151,7 +153,7 @@ def bring_envelope(state):
 
 @compiled
 def replace_envelope(state, before, after):
-    """Put another envelope in place of one [V]; what energy that adds is owed."""
+    """Replace the envelope [V]; the next update subtracts the energy that this adds."""
     set_envelope(state, after)
     state.owed += stored_energy(state, after) - stored_energy(state, before)
 

@@ -42,7 +42,7 @@ LONGEST_SEGMENT = 0.01
 # bounds.
 LONGEST_SEARCH = 2000
 
-# Collisions at one instant after which the bodies go on together.
+# Collisions at one time after which the bodies move on together.
 MOST_COLLISIONS = 1000
 
 # The vibration of a resonance is steady when its amplitude is this near to its end, relatively, or
@@ -54,7 +54,7 @@ SAME_PHASE = 1e-4
 # is smaller than what is missing to its end.
 UPDATES_PER_DECAY = 40.0
 
-# Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
+# Consecutive events within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
 # this limit it would never return.
 LONGEST_STANDSTILL = 10_000
 SHORTEST_SEGMENT = 1e-13

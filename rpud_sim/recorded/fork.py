@@ -43,7 +43,7 @@ class ForkedBag:
     path: str  # of the bag
     source: str  # bag from which it forks
     run: int  # number of the run in it
-    at: float  # instant of the fork, in simulation time of that run [s]
+    at: float  # start of the fork, in simulation time of that run [s]
     duration: float  # simulated from there on [s]
     messages: int  # that were written, without those of the journal up to the instant
     changed: bool  # whether anything differs from the recorded run
@@ -189,7 +189,7 @@ class Fork:
         found = [*run.advance_to(run.time)]
         yield from found
         if not any(batch.topic == "status" for batch in found):
-            yield run.status()
+            yield from run.reports()
 
 
 def write_fork(
@@ -228,7 +228,8 @@ def write_fork(
         kept += [batch] if batch.topic == "journal" else []
         faults = [batch] if batch.topic == "faults" else faults
     settings = forked.settings
-    topics = offered_topics(settings.values())
+    offered = offered_topics(settings.values())
+    topics = {name: topic for name, topic in offered.items() if not topic.live}
     manifest = new_manifest(
         {**settings.values(), "seed": forked.beginning.seed}, fork.scenario, fork.origin
     )
@@ -246,7 +247,7 @@ def write_fork(
             writer.write(_later(reported(forked, until, report), fork.time), zero)
         writer.write(reported(forked, end, report), zero)
         writer.write(forked.flush(ends=True), zero)
-        writer.write([forked.status("stopped")], zero)
+        writer.write(forked.reports("stopped"), zero)
         count = writer.count - before
     return ForkedBag(
         os.fspath(out),

@@ -49,7 +49,7 @@ def write_offline_bag(
     """
     settings = plan.beginning.settings
     offered = offered_topics(settings.values())
-    chosen = {name: topic for name, topic in offered.items() if name in topics}
+    chosen = {n: topic for n, topic in offered.items() if n in topics and not topic.live}
     end = round(duration * SECOND)
     plan = Plan(plan.beginning, tuple(change for change in plan.changes if change.time < end))
     run = Run(plan, Journal(), chosen.__contains__, reports=True)
@@ -59,10 +59,10 @@ def write_offline_bag(
         writer = BatchWriter(bag, f"{NAMESPACE}/", chosen)
         run.begin(0)
         writer.write(run.changes())
-        writer.write([run.status()])
+        writer.write(run.reports())
         writer.write(reported(run, end, report))
         writer.write(run.flush(ends=True))
-        writer.write([run.status("stopped")])
+        writer.write(run.reports("stopped"))
 
 
 def reported(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Batch]:

@@ -127,7 +127,7 @@ def read_together(readers: Iterable[tuple[Iterator[object], Sequence[TopicStream
 
 @dataclass(frozen=True)
 class KeyedMessages:
-    """Messages of a topic with what tells them apart in every stream."""
+    """Messages of a topic with the key that identifies them in every stream."""
 
     messages: SerializedBatch
     runs: np.ndarray  # number of the run of each, ascending, shape (n,)

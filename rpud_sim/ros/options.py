@@ -65,24 +65,24 @@ class RecordOptions:
     duration: float | None = run_time_option()
     max_loss: float = option(
         1.0,
-        "seconds of messages that a crash may cost at most, where processor and disk keep up "
+        "seconds of messages that a crash loses at most, if processor and disk keep up "
         "(default: %(default)g)",
         POSITIVE_SECONDS,
     )
     max_bag_size: int | None = option(
-        None, "begin a new file of the bag before one is larger (default: one file)", BYTES
+        None, "begin a new file before a file is larger (default: one file)", BYTES
     )
     max_bag_duration: float | None = option(
         None,
-        "begin a new file of the bag when one lasts as long (default: one file)",
+        "begin a new file after this time (default: one file)",
         POSITIVE_SECONDS,
     )
     max_disk: int | None = option(
-        None, "stop before the whole bag is larger, with exit code 1 (default: no limit)", BYTES
+        None, "stop, with exit code 1, before the whole bag is larger (default: no limit)", BYTES
     )
     min_free: int = option(
         64 * 2**20,
-        "stop before the disk has less free space, with exit code 1 (default: %(default)d)",
+        "stop, with exit code 1, before the disk has less free space (default: %(default)d)",
         BYTES,
     )
     max_cache_size: int = option(
@@ -90,7 +90,7 @@ class RecordOptions:
     )
     use_sim_time: bool = option(
         False,
-        "log times are those of /clock; by default so where a recorded drill is its source",
+        "take log times from /clock; the default if a recorded drill is its source",
     )
     start_paused: bool = option(False, "record only when the service ~/resume is called")
     with_parent: bool = parent_flag()
@@ -137,8 +137,8 @@ class ReplayOptions:
     loop: bool = option(False, "begin again at the end")
     clock: float | None = option(
         None,
-        "publish the bag's time on /clock that often by the real time, also when it stands "
-        f"still (default: {_DEFAULT_CLOCK_RATE:g} Hz)",
+        "publish the bag's time on /clock at this real rate, also while paused "
+        f"(default: {_DEFAULT_CLOCK_RATE:g} Hz)",
         _CLOCK_RATE,
         nargs="?",
         const=_DEFAULT_CLOCK_RATE,
@@ -157,10 +157,10 @@ class ReplayOptions:
         metavar="OLD:=NEW",
     )
     namespace: str = namespace_option("namespace of the replayer; topics keep their names")
-    start_paused: bool = option(False, "wait at the beginning to be resumed")
+    start_paused: bool = option(False, "wait at the beginning until resumed")
     wait_for_subscribers: bool = option(
         False,
-        "begin when every replayed topic has a subscriber, without a limit of time; "
+        "begin when every replayed topic has a subscriber, without a timeout; "
         f"otherwise it waits at most {DISCOVERY_TIME:g} s",
     )
     with_parent: bool = parent_flag()

@@ -18,7 +18,6 @@ from rpud_sim.simulation.changes import parameter_changes
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.fields import Bookkeeping, status_fields
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Times
@@ -49,8 +48,8 @@ class Drill:
         drill.step(0.1)
         drill.run["reacting_force"]["force"]
 
-    Arguments are those of ``simulate``. A command acts at once; a value that cannot be used is a
-    ParameterError and changes nothing.
+    It has the arguments of ``simulate``. A command takes effect immediately; an invalid value
+    raises a ParameterError and changes nothing.
     """
 
     def __init__(
@@ -81,13 +80,8 @@ class Drill:
 
     @property
     def status(self) -> SimpleNamespace:
-        """Status now, with the fields of ``rpud_msgs/Status`` but for powers.
-
-        They are means of the last second: ``run.figures`` has the energies.
-        """
-        lost = Bookkeeping(commands_lost=self._run.control.commands_lost)
-        fields = status_fields(self._run.simulation, self._run.origin, "paused", lost)
-        return SimpleNamespace(**fields)
+        """Status now, with the fields of ``rpud_msgs/Status``."""
+        return SimpleNamespace(**self._run.status("paused").fields)
 
     @property
     def run(self) -> DrillRun:

@@ -41,7 +41,7 @@ from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
-from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.fields import CommandCounts
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Samples, Times
@@ -61,9 +61,9 @@ __all__ = [
     "Batch",
     "Beginning",
     "Block",
-    "Bookkeeping",
     "Change",
     "Clear",
+    "CommandCounts",
     "Configuration",
     "Configure",
     "Control",

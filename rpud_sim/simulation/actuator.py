@@ -35,7 +35,7 @@ class ActuatorParameters(ParameterGroup):
     actuator_model: str = choice(
         "gain",
         ("gain", "resonance"),
-        "gain: the amplitude is proportional to the voltage at once; "
+        "gain: the amplitude is proportional to the voltage, without delay; "
         "resonance: by resonance, with ring-up and power",
     )
     nominal_voltage: float = number(
@@ -73,7 +73,7 @@ class ActuatorParameters(ParameterGroup):
     )
     heat_capacity: float = number(200.0, "J/K", "heat capacity of the actuator", 1e-3, 1e6)
     ambient_temperature: float = number(
-        293.15, "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
+        20.0, "degC", "temperature of the surroundings", -273.15, 150.0
     )
     resonance_temperature_coefficient: float = number(
         -2e-4, "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
@@ -113,7 +113,7 @@ class ActuatorReading:
     frequency: float  # of the voltage [Hz]
     amplitude: float  # of the vibration at the tip [m]
     resonance_frequency: float  # at the present temperature, with its offset, without load [Hz]
-    temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [K]
+    temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [degC]
     current: float = math.nan  # amplitude of the current [A]
     phase: float = math.nan  # by which the current leads the voltage [rad]
     # drawn, averaged over a cycle [W]; negative where the vibration gives power back to the
@@ -123,7 +123,7 @@ class ActuatorReading:
     heat: float = math.nan  # since time zero [J]
     mechanical_work: float = math.nan  # of the vibration on the bodies since time zero [J]
     stored: float = math.nan  # energy of the vibration [J]
-    owed: float = math.nan  # part of the work that the vibration has not yet given [J]
+    owed: float = math.nan  # work that the next update subtracts from the vibration [J]
 
     @property
     def impedance(self) -> float:
@@ -134,7 +134,7 @@ class ActuatorReading:
 class Actuator:
     """Drive of the actuator, its generator and its temperature.
 
-    With the gain model the amplitude follows the voltage at once, at every frequency. With the
+    With the gain model the amplitude follows the voltage immediately, at every frequency. With the
     resonance model the engine integrates the vibration (``rpud_sim.model.resonator``), and this
     object sets the voltage, the drive's frequency and the resonance frequency. Times are integer
     nanoseconds of simulation time. Every drive must have passed ``Configuration.check``; a

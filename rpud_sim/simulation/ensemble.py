@@ -84,7 +84,7 @@ def compile_kernels(
     """Compile every kernel, or load it from the cache, before anything is timed.
 
     ``report`` is called in another thread with a line that says so, if it takes long; ``messages``:
-    also what makes messages many at once.
+    also the kernels that make messages in batches.
     """
     with compilation_reported(report):
         for function, arguments in CALLED_BY_PYTHON:

@@ -94,13 +94,6 @@ class FaultKind:
             return self.magnitude
         return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
 
-    @property
-    def takes_zero(self) -> bool:
-        """Whether zero is a magnitude with an effect, not only a way to leave it open."""
-        if self.magnitude is None or self.unchanging == 0.0:
-            return False
-        return not self.magnitude.exclusive and self.magnitude.minimum <= 0.0
-
     def default_on(self, channel: str) -> float:
         """Return the magnitude that NaN stands for on a channel."""
         return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
@@ -344,7 +337,7 @@ KINDS: dict[str, FaultKind] = {
         effects={"side_walk": operator.add},
     ),
     "feed_stall": FaultKind(
-        "the drive of the feed stands still", needs=(_feed,), effects={"feed_stalled": _true}
+        "the drive of the feed stops", needs=(_feed,), effects={"feed_stalled": _true}
     ),
     "arm_slip": FaultKind(
         "the host of the arm slips away from the rock",

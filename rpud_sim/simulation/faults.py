@@ -106,7 +106,7 @@ def check_supported(fault: Fault, configuration: Configuration) -> None:
         needs = (CHANNEL_NEEDS[fault.channel], *needs)
     for need in needs:
         if reason := need(fault.magnitude, configuration):
-            raise FaultError(f"{fault} cannot be honoured: it {reason}")
+            raise FaultError(f"{fault} is not possible: it {reason}")
 
 
 def supported_kinds(configuration: Configuration) -> tuple[str, ...]:

@@ -267,29 +267,20 @@ def trajectory_fields(segments: np.ndarray, cuts: np.ndarray, sequence: int, ori
 
 
 @dataclasses.dataclass(frozen=True)
-class Bookkeeping:
-    """Counts and timing of a run, as fields of ``rpud_msgs/Status``.
-
-    The defaults are those of a run without ROS: nothing is late, and there are no commands.
-    """
+class CommandCounts:
+    """Counts of commands as fields of ``rpud_msgs/Status``; without ROS there are none."""
 
     commands_accepted: int = 0
     commands_rejected: int = 0
     commands_discarded: int = 0
-    commands_lost: bool = False
     commanders: int = 0
-    deadlines_missed: int = 0
-    messages_dropped: int = 0
-    real_time_factor: float = 1.0
-    lateness_max: float = 0.0
-    lag: float = 0.0
 
 
-def status_fields(
-    simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
-) -> Fields:
+def status_fields(simulation: Simulation, origin: int, state: str, counts: CommandCounts) -> Fields:
+    """Fields of ``rpud_msgs/Status`` that simulation and counts give."""
     applied = simulation.applied
     actuator = simulation.actuator
+    feed = applied.feed if simulation.configuration.has_feed else None
     return {
         "header": header_fields("status", origin + simulation.time),
         "state": state,
@@ -300,8 +291,10 @@ def status_fields(
         "drive_voltage": applied.drive.voltage,
         "drive_frequency": applied.drive.frequency,
         "drive_applied": time_fields(origin + applied.drive_time),
-        "feed_mode": FEED_MODES.index(applied.feed.mode),
-        "feed_value": applied.feed.value if simulation.configuration.has_feed else math.nan,
+        **{
+            f"feed_{mode}": feed.value if feed and feed.mode == mode else math.nan
+            for mode in FEED_MODES
+        },
         "feed_applied": time_fields(origin + applied.feed_time),
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
@@ -311,7 +304,7 @@ def status_fields(
         "depth": simulation.depth,
         "penetration_rate": simulation.penetration_rate,
         "active_faults": len(simulation.faults.active),
-        **dataclasses.asdict(bookkeeping),
+        **dataclasses.asdict(counts),
     }
 
 

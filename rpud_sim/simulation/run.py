@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -29,8 +28,9 @@ from rpud_sim.simulation.commands import DriveChange
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.fields import (
-    Bookkeeping,
+    CommandCounts,
     faults_fields,
+    header_fields,
     journal_fields,
     prefixed,
     status_fields,
@@ -56,7 +56,7 @@ class Run:
         wanted: whether a topic that no fault can touch has had a subscriber; without one its
             messages are not made.
         active: whether commands act from the start; weight on bit and drive are zero otherwise.
-        reports: whether there is a status at every second and after each change of the plan.
+        reports: whether there is a report at every second and after each change of the plan.
         on_block: called with each block, for statistics.
         refused: called with a change of the plan that is refused, and why; without it such a change
             raises a ChangeError.
@@ -94,9 +94,6 @@ class Run:
         self._schedule = Schedule(plan.changes)
         self._spans = 0
         self._recent_energy = RecentEnergy(settings.configuration.has_feed)
-        # power that the steps of the arm lost in the second before the last status [W]; NaN
-        # without a feed
-        self.coupling_power = math.nan
         self._published_faults: object = self.simulation.faults.active
 
     @property
@@ -178,7 +175,7 @@ class Run:
     ) -> Iterator[Batch]:
         """Advance to a time [ns], carry out the changes up to then, and yield the messages.
 
-        Where nothing changes, a span of many blocks is computed at once. Otherwise impacts and the
+        Where nothing changes, a span of many blocks is computed together. Otherwise impacts and the
         samples at the end of a block come first, waveform and trajectory last. With ``defer`` these
         two are not yielded: the caller makes and publishes each stream when it has time.
         """
@@ -194,7 +191,7 @@ class Run:
             while self.time < until:
                 yield from self._advance(until, defer)
             if self._reports and self.time % SECOND == 0:
-                yield self.status()
+                yield from self.reports()
             if self._watches:
                 yield from self._watch()
 
@@ -209,14 +206,21 @@ class Run:
         yield from self.changes()
         yield from _made(self._telemetry.take_pending())
 
-    def status(self, state: str = "running", bookkeeping: Bookkeeping | None = None) -> Batch:
-        if bookkeeping is None:
-            bookkeeping = Bookkeeping(commands_lost=self.control.commands_lost)
-        fields = status_fields(self.simulation, self.origin, state, bookkeeping)
-        entries = self._journal.count if self._journal is not None else 0
-        powers = self._recent_energy.powers()
-        self.coupling_power = powers.pop("coupling_power")
-        fields |= {**powers, "journal_entries": entries}
+    def reports(self, state: str = "running") -> list[Batch]:
+        """Return the messages of a report: power, and a status with a STATE."""
+        return [self.power(), self.status(state)]
+
+    def power(self) -> Batch:
+        header = header_fields("power", self.origin + self.time)
+        fields = {"header": header, **self._recent_energy.powers()}
+        return self._batch(self.time, "power", fields)
+
+    def status(self, state: str = "running", counts: CommandCounts | None = None) -> Batch:
+        fields = {
+            **status_fields(self.simulation, self.origin, state, counts or CommandCounts()),
+            "commands_lost": self.control.commands_lost,
+            "journal_entries": self._journal.count if self._journal is not None else 0,
+        }
         return self._batch(self.time, "status", fields)
 
     def entries(self) -> Iterator[Batch]:
@@ -275,7 +279,7 @@ class Run:
             else:
                 yield from self._settled()
         if self._reports and self._shown() != shown:
-            yield self.status()
+            yield from self.reports()
 
     def _settled(self) -> Iterator[Batch]:
         """Yield what changed, unless its stamps follow from an origin that is still due."""
@@ -299,7 +303,7 @@ class Run:
         if self.control.act() or self.simulation.applied is not applied:
             yield from self.changes()
             if self._reports:
-                yield self.status()
+                yield from self.reports()
 
     def _changed_faults(self) -> Iterator[Batch]:
         faults = self.simulation.faults

@@ -178,13 +178,7 @@ class RecentEnergy:
             self._blocks.popleft()
 
     def powers(self) -> dict[str, float]:
-        """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
-
-        ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
-        absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
-        weight_on_bit_power``. Without one ``feed_power``, ``mount_power``, and ``coupling_power``,
-        which no status has, are NaN.
-        """
+        """Return mean powers by their name in ``rpud_msgs/Power`` [W]; zero before the start."""
         total, feed, seconds = self._last_second()
         energies = {
             "actuator_power": total.actuator_work,

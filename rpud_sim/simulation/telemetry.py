@@ -74,7 +74,7 @@ class Telemetry:
         self._actuator_work = 0.0
 
     def batches(self, block: Block, faults: Sequence[FaultRecord], span: int) -> Iterator[Batch]:
-        """Yield what is due at once: impacts of a block and the samples at the ends of its parts.
+        """Yield what has a deadline: impacts of a block and the samples at the ends of its parts.
 
         A part is at most one telemetry period long. ``faults`` lasted in a block of one part;
         there are none in one of several, whose batches are of the span.

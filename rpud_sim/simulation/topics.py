@@ -24,6 +24,7 @@ class DrillTopic:
     frame: str = MOUNT_FRAME  # of the header; empty if there is no header
     complete: bool = True  # whether each message counts, not only the last
     proved: bool = True  # whether a bag's journal determines every bit of its messages
+    live: bool = False  # whether only a running drill has it, not a simulation offline
     # sets of parameters, each of which switches on what it carries; empty if it is always
     # published
     models: tuple[tuple[str, ...], ...] = ()
@@ -52,11 +53,15 @@ TOPICS: Mapping[str, DrillTopic] = {
     "journal": DrillTopic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
     "mount": DrillTopic("rpud_msgs/msg/Mount", 1000, models=(("feed_model",),)),
     "nodal_plane": DrillTopic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
+    "power": DrillTopic("rpud_msgs/msg/Power", 1, latched=True, complete=False, proved=False),
     "reacting_force": DrillTopic("rpud_msgs/msg/ReactingForce", 1000),
     "rotation": DrillTopic(
         "rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, models=(("rotation_model",),)
     ),
     "status": DrillTopic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
+    "timing": DrillTopic(
+        *("rpud_msgs/msg/Timing", 1), latched=True, complete=False, proved=False, live=True
+    ),
     "trajectory": DrillTopic("rpud_msgs/msg/Trajectory", 40),
     "waveform": DrillTopic("rpud_msgs/msg/Waveform", 40),
     "wrench": DrillTopic("geometry_msgs/msg/WrenchStamped", 1000),

@@ -19,14 +19,14 @@ from rpud_sim.testing.errors import (
 )
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.drill import LockstepDrill
     from rpud_sim.testing.setup import open_drill
 
 __all__ = [
-    "Drill",
     "DrillError",
     "ExpectationFailedError",
     "ExpectationUndecidedError",
+    "LockstepDrill",
     "LostMessagesError",
     "SystemUnderTestError",
     "open_drill",
@@ -37,4 +37,6 @@ def __getattr__(name: str) -> Any:
     """Return a public name: pytest imports this package also where no test has a drill."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{'drill' if name == 'Drill' else 'setup'}"), name)
+    return getattr(
+        import_module(f"{__name__}.{'drill' if name == 'LockstepDrill' else 'setup'}"), name
+    )

@@ -28,7 +28,7 @@ from rpud_sim.bag.metadata import (
 from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.foundation.json_text import json_text
-from rpud_sim.testing.drill import Drill
+from rpud_sim.testing.drill import LockstepDrill
 from rpud_sim.verdicts.verdict import FAILED
 
 _MARKER = "artefacts.json"  # only a folder with it is overwritten
@@ -39,7 +39,7 @@ _TIME = 300.0  # that a page may take [s]
 
 
 def leave_artefacts(
-    folder: Path, test: str, drills: Sequence[Drill], pages: Executor, failure: str = ""
+    folder: Path, test: str, drills: Sequence[LockstepDrill], pages: Executor, failure: str = ""
 ) -> tuple[str, list[tuple[str, str]]]:
     """Write what a test leaves; return a text for its failure, and properties for JUnit.
 
@@ -123,7 +123,7 @@ def _write_page(bag: Path, page: Path) -> None:
         page.write_text(f"<pre>{text}</pre>")
 
 
-def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> None:
+def write_bag(path: Path, drill: LockstepDrill, tested: RunVerdict | None = None) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time."""
     manifest = Manifest(
         node=f"{drill.namespace}/drill_node",

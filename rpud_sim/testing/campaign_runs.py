@@ -18,7 +18,7 @@ from markupsafe import Markup
 from rpud_sim.foundation.terminal import printable, table
 from rpud_sim.pages.frame import render_page
 from rpud_sim.testing.campaign_file import Campaign, CampaignRun, CampaignSystem, read_campaign
-from rpud_sim.testing.drill import Drill
+from rpud_sim.testing.drill import LockstepDrill
 from rpud_sim.testing.errors import (
     DrillError,
     ExpectationFailedError,
@@ -85,7 +85,10 @@ def flown_run(
 
 
 def fly(
-    drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
+    drill: LockstepDrill,
+    run: CampaignRun,
+    system: CampaignSystem,
+    expectations: Sequence[Expectation],
 ) -> FlownRun:
     """Step the drill through a run beside the system under test, and judge what was published."""
     topics = {topic for each in expectations for topic in each.topics}
@@ -107,7 +110,9 @@ def fly(
     return flown_run(run, ending, drill.time, text, verdicts)
 
 
-def _step_through(drill: Drill, duration: float, system: CampaignSystem, topics: set[str]) -> None:
+def _step_through(
+    drill: LockstepDrill, duration: float, system: CampaignSystem, topics: set[str]
+) -> None:
     deadline = time.monotonic() + system.run_timeout
     drill.with_answers(*system.answers, period=system.period, timeout=system.answer_timeout)
     drill.start(
@@ -127,7 +132,7 @@ def _step_through(drill: Drill, duration: float, system: CampaignSystem, topics:
         drill.step(min(number * system.period, duration) - drill.time)
 
 
-def _missing(drill: Drill, topics: set[str]) -> list[str]:
+def _missing(drill: LockstepDrill, topics: set[str]) -> list[str]:
     """Return the topics of expectations that are not listened to yet."""
     heard = [name.removeprefix(f"{drill.namespace}/") for name in drill.heard]
     return sorted(topics - {*heard, *drill.heard})

@@ -27,7 +27,6 @@ from rpud_sim.testing.errors import is_verdict
 _STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")  # types of a first field with a time
 _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}  # by the byte order of the payload
 _STAMP_AT = 4  # bytes from the beginning of a payload
-_TIMING = 24  # bytes at the end of a status: how fast the drill was, and how late
 _DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more
 _LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s]
 __tracebackhide__ = is_verdict
@@ -98,11 +97,7 @@ class HeardTopic(FollowedTopic):
         self.commands = self.gaps.missing = 0
 
     def _repeats(self, payload: bytes) -> bool:
-        return (
-            self._changes
-            and bool(self.payloads)
-            and self.payloads[-1][:-_TIMING] == payload[:-_TIMING]
-        )
+        return self._changes and self.payloads[-1:] == [payload]
 
     def _stamp(self, payload: bytes, time: int) -> int:
         if not self.stamped:
@@ -186,7 +181,7 @@ class Collector:
 
     @property
     def hears_others(self) -> bool:
-        """Whether it has subscribed to more than what every test hears."""
+        """Whether it has subscribed to more than every test does."""
         return len(self.topics) > len(self._always)
 
     def ask(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
@@ -253,7 +248,7 @@ class Collector:
             topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
     def forget_others(self) -> None:
-        """Unsubscribe from all topics but those that every test hears."""
+        """Unsubscribe from all topics except those of every test."""
         for name in set(self.topics) - self._always:
             self.topics.pop(name).close()
             self._wait_set = None

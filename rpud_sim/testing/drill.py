@@ -41,11 +41,11 @@ __tracebackhide__ = is_verdict
 
 def _noted(
     command: Callable[Concatenate[DrillClient, _Words], _Value],
-) -> Callable[Concatenate[Drill, _Words], _Value]:
+) -> Callable[Concatenate[LockstepDrill, _Words], _Value]:
     """Return a command of the client as one of a test's drill, which writes it down."""
 
     @functools.wraps(command)
-    def act(drill: Drill, /, *given: _Words.args, **named: _Words.kwargs) -> _Value:
+    def act(drill: LockstepDrill, /, *given: _Words.args, **named: _Words.kwargs) -> _Value:
         words = [*map(str, given), *(f"{name}={value}" for name, value in named.items())]
         drill._note(" ".join([command.__name__, *words]))
         with drill._errors_observed():
@@ -54,8 +54,8 @@ def _noted(
     return act
 
 
-class Drill(Lockstep):
-    """Drill in lockstep: simulation time passes in steps alone.
+class LockstepDrill(Lockstep):
+    """Drill in lockstep: simulation time advances only in steps.
 
     A step is over when every declared answer of the nodes under test is here, and the drill has all
     of their commands. What the drill publishes is computed in the test's process when it is asked
@@ -268,7 +268,7 @@ class Drill(Lockstep):
         count: int = 1,
         period: float = PERIOD,
         timeout: float = 10.0,
-    ) -> Drill:
+    ) -> LockstepDrill:
         """Declare how the nodes under test answer; a step is over when all have answered.
 
         This takes the place of what was declared before. Without topics no answer is awaited.
@@ -330,7 +330,7 @@ class Drill(Lockstep):
         self.observed = False
 
     def disturb(self, seed: str | None) -> None:
-        """Have the test's steps disturbed as ``seed`` draws it, and keep what is heard.
+        """Have the test's steps disturbed as ``seed`` draws it, and keep received messages.
 
         None disturbs nothing.
         """
@@ -362,7 +362,7 @@ class Drill(Lockstep):
 
     def _step_to(self, until: int) -> None:
         text = f"{_STEP}{until / SECOND:.9g} s"
-        if self.log and self.log[-1][1].startswith(_STEP):  # one line for steps in a row
+        if self.log and self.log[-1][1].startswith(_STEP):  # one line for consecutive steps
             self.log[-1] = self.log[-1][0], text
         else:
             self._note(text)

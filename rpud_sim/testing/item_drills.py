@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:  # pytest imports the plugin in every run, also where no test has a drill
-    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.drill import LockstepDrill
     from rpud_sim.testing.setup import DrillSetup
 
 DRILLS = pytest.StashKey[list[Any]]()  # of an item
@@ -16,7 +16,7 @@ FLIGHT = pytest.StashKey[Any]()  # of an item whose flights are compared: its pr
 POOL = pytest.StashKey[Any]()  # of a configuration
 
 
-def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
+def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> LockstepDrill:
     """Return a drill at time zero for a test, which leaves its artefacts."""
     from rpud_sim.testing.setup import DrillPool, check_ros
 

@@ -47,7 +47,7 @@ def _refused(name: str, other: str) -> Any:
 
 
 class LockstepClient(DrillClient):
-    """Client for what ``Drill`` has no method for; time and reset belong to the lockstep."""
+    """Client for what ``LockstepDrill`` has no method for; time and reset are those of steps."""
 
     step = _refused("step", "step")
     run_to = _refused("run_to", "step")
@@ -120,7 +120,7 @@ class Lockstep:
         return self._process.process.running
 
     def renew(self, parameters: Mapping[str, Any]) -> None:
-        """Configure the node anew with all of its parameters, as if it had been started with them.
+        """Configure the node again with all of its parameters, as if it had been started with them.
 
         It takes a tenth of the time of a start.
         """
@@ -132,7 +132,7 @@ class Lockstep:
             status.forget(len(status))
             client.change_state("configure", "activate")
         except ClientError as error:
-            raise DrillError(f"the drill cannot be configured anew: {error}") from error
+            raise DrillError(f"the drill cannot be configured again: {error}") from error
         self._collector.time = 0
         self._computed.restart()
         self._changed = True
@@ -169,9 +169,9 @@ class Lockstep:
         self._changed = True
 
     def _topic(self, topic: str) -> HeardTopic | ComputedTopic | None:
-        """Return a topic with all its messages; None if it is neither computed nor heard.
+        """Return a topic with all its messages; None if it is neither computed nor received.
 
-        Where a topic of the drill is heard, too, its messages have to be those that are computed.
+        If a topic of the drill is also received, its messages must equal the computed ones.
         """
         name = self._collector.resolve(topic)
         computed, heard = self._computed.topics.get(name), self._collector.topics.get(name)

@@ -21,7 +21,7 @@ from rpud_sim.testing.errors import ExpectationUndecidedError
 from rpud_sim.testing.item_drills import DRILLS, FLIGHT, POOL, give_back_drills, take_drill
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.drill import LockstepDrill
     from rpud_sim.testing.recording import Recording
 
 _MARK = (
@@ -203,7 +203,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 @pytest.fixture
-def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Drill]]:
+def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., LockstepDrill]]:
     """Start further drills: ``drill_factory(weight_on_bit=20.0)``, with the options of the mark.
 
     Each has a ROS domain of its own. The options of the test's own mark hold where they are not
@@ -213,7 +213,7 @@ def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Dril
     if _ERROR in item.stash:
         pytest.fail(item.stash[_ERROR], pytrace=False)
 
-    def make(**options: Any) -> Drill:
+    def make(**options: Any) -> LockstepDrill:
         return take_drill(item, _setup_of(item, options), item.path.parent)
 
     yield make
@@ -221,13 +221,13 @@ def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Dril
 
 
 @pytest.fixture
-def drill(drill_factory: Callable[..., Drill]) -> Drill:
-    """Drill in lockstep, at time zero, as the mark ``rpud`` describes it; see ``Drill``."""
+def drill(drill_factory: Callable[..., LockstepDrill]) -> LockstepDrill:
+    """Drill in lockstep, at time zero, as the mark ``rpud`` describes it; see ``LockstepDrill``."""
     return drill_factory()
 
 
 @pytest.fixture
-def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
+def recording(drill: LockstepDrill, tmp_path: Path) -> Iterator[Recording]:
     """Record the test with the recorder; ``recording.stop()`` returns the path of the bag."""
     from rpud_sim.testing.recording import Recording
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rpud_sim.foundation.child_process import RPUD, ChildProcess
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.drill import Drill
+from rpud_sim.testing.drill import LockstepDrill
 from rpud_sim.testing.errors import DrillError, LostMessagesError
 
 _START = 30.0  # that the recorder may take to start [s]
@@ -17,7 +17,7 @@ _END = 30.0  # that it may take to complete the bag [s]
 class Recording:
     """Recording of everything in the drill's domain, from now until it is stopped."""
 
-    def __init__(self, drill: Drill, path: Path) -> None:
+    def __init__(self, drill: LockstepDrill, path: Path) -> None:
         self.path = path  # folder of the bag, which is complete when the recording is stopped
         self._stopped = False
         self._process = ChildProcess(

@@ -34,7 +34,7 @@ from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS, DrillProcess
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.drill import LockstepDrill
 
 _MOST_IDLE = 3  # drills that are kept: each takes some 200 MB
 
@@ -161,9 +161,9 @@ class DrillPool:
     """Drills of one process of tests."""
 
     def __init__(self) -> None:
-        self._idle: list[Drill] = []
+        self._idle: list[LockstepDrill] = []
 
-    def take(self, setup: DrillSetup, folder: Path | None = None) -> Drill:
+    def take(self, setup: DrillSetup, folder: Path | None = None) -> LockstepDrill:
         """Return a drill at time zero, as if just started; commands start in ``folder``."""
         parameters = sorted(f"{name}={value!r}" for name, value in setup.parameters.items())
         key = (setup.namespace, *parameters)
@@ -181,9 +181,9 @@ class DrillPool:
                 drill.folder = folder
                 return drill
         process = DrillProcess(setup.parameters, setup.namespace)  # it starts during the import
-        from rpud_sim.testing.drill import Drill  # with all of ROS
+        from rpud_sim.testing.drill import LockstepDrill  # with all of ROS
 
-        drill = Drill(process, folder)
+        drill = LockstepDrill(process, folder)
         drill.key = key
         try:
             drill.begin(setup.seed, setup.scenario)
@@ -192,7 +192,7 @@ class DrillPool:
             raise
         return drill
 
-    def give_back(self, drill: Drill) -> None:
+    def give_back(self, drill: LockstepDrill) -> None:
         """Keep a drill for the next test; its processes under test end."""
         if not drill.alive:
             drill.close()
@@ -214,7 +214,7 @@ def _all_parameters(setup: DrillSetup) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[Drill]:
+def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[LockstepDrill]:
     """Start a drill in lockstep, and end it: for test runners other than pytest.
 
     ``folders`` are those in which relative paths are looked for; commands start in the first one.

@@ -17,7 +17,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.item_drills import FLIGHT
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.drill import LockstepDrill
     from rpud_sim.testing.flight_records import Difference, DrillRecord
 
 
@@ -52,13 +52,13 @@ class Flight:
         flight.number = self.number + 1
         return flight
 
-    def take(self, drill: Drill) -> None:
+    def take(self, drill: LockstepDrill) -> None:
         """Disturb a drill that the test has taken, unless this is the first flight."""
         self._taken += 1
         seed = f"{self._seed} {self._test} {self.number} {self._taken}"
         drill.disturb(seed if self._first else None)
 
-    def land(self, drills: Sequence[Drill]) -> None:
+    def land(self, drills: Sequence[LockstepDrill]) -> None:
         """Keep what the drills' nodes have done, and compare it with the first flight."""
         self._records = [drill.record_flight() for drill in drills]
         if self._first is not None:

@@ -46,7 +46,7 @@ class SystemUnderTest(ChildProcess):
         super().stop()
 
     def kill(self) -> None:
-        """End it at once; that it is gone is no failure."""
+        """Kill it; its end is no failure."""
         self.expected = True
         super().kill()
 
@@ -104,7 +104,7 @@ class Systems:
         timeout: float,
         note: Callable[[str], None],
     ) -> SystemUnderTest:
-        """Start a process, and wait until it is connected; see ``Drill.start``."""
+        """Start a process, and wait until it is connected; see ``LockstepDrill.start``."""
         words = _words(command)
         if self._ended:
             self._part()

@@ -180,7 +180,7 @@ class Published(Event):
 
 @dataclasses.dataclass(frozen=True)
 class Becomes(Event):
-    """A formula begins to hold; also at the first instant, if it holds there."""
+    """A formula begins to hold; also at the start of the recording, if it holds there."""
 
     formula: Formula
 

@@ -24,7 +24,7 @@ from rpud_sim.verdicts.units import ExpectationError
 _COUNTERS = {
     "contact_force": ("sequence",),
     "journal": ("sequence",),
-    "status": ("commands_accepted", "commands_rejected", "impacts", "deadlines_missed"),
+    "status": ("commands_accepted", "commands_rejected", "impacts"),
 }
 NONE = np.empty(0, np.int64)  # no time
 
@@ -128,8 +128,8 @@ class TopicMessages:
         stamps = np.concatenate([NONE, *(batch.stamps for batch in batches)])
         self._order = np.arange(len(stamps))
         key = self._keys()
-        # The drill alone publishes its status, and the middleware keeps the order of a publisher.
-        self._in_order = topic == "status"
+        # The drill alone publishes its reports, and the middleware keeps the order of a publisher.
+        self._in_order = topic in ("power", "status", "timing")
         published = np.concatenate([NONE, *(batch.published for batch in batches)])
         order = np.lexsort((*([published] if self._in_order else []), key, stamps))
         if "sequence" in _COUNTERS.get(topic, ()):

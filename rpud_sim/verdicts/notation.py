@@ -36,12 +36,12 @@ def signal(name: str) -> f.Signal:
 
 
 def always(formula: f.Formula, within: Any = None, between: Any = None) -> f.Always:
-    """Return the formula that ``formula`` holds at every instant of a window."""
+    """Return the formula that ``formula`` holds at all times in a window."""
     return f.Always(formula, window(within, between))
 
 
 def eventually(formula: f.Formula, within: Any = None, between: Any = None) -> f.Eventually:
-    """Return the formula that ``formula`` holds at some instant of a window."""
+    """Return the formula that ``formula`` holds at some time in a window."""
     return f.Eventually(formula, window(within, between))
 
 
@@ -56,7 +56,7 @@ def unless(formula: f.Formula, goal: f.Formula) -> f.Until:
 
 
 def after(trigger: f.Formula, formula: f.Formula) -> f.After:
-    """Return the formula that ``formula`` holds at each instant of ``trigger``."""
+    """Return the formula that ``formula`` holds at each time of ``trigger``."""
     return f.After(trigger, formula)
 
 
@@ -84,7 +84,7 @@ def quantile(
 
 
 class _Form(NamedTuple):
-    """Mapping that stands for a formula. Its first key tells the form."""
+    """Mapping that stands for a formula. Its first key gives the form."""
 
     make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
@@ -238,7 +238,7 @@ def _operator(text: str) -> str:
 
 
 def to_text(formula: f.Formula) -> str:
-    """Return a formula as one line with the words of a file, as ``always(status.lag < 1 s)``."""
+    """Return a formula as one line with the words of a file, as ``always(timing.lag < 1 s)``."""
     return _line(to_plain(formula))
 
 

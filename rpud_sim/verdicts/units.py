@@ -23,6 +23,7 @@ _UNITS = {
     **{prefix + "g": (factor / 1e3, "kg") for prefix, factor in _PREFIXES.items()},
     "min": (60.0, "s"),
     "h": (3600.0, "s"),
+    "degC": (1.0, "degC"),
     "deg": (math.pi / 180.0, "rad"),
     "%": (0.01, ""),
     "mm/min": (1e-3 / 60.0, "m/s"),

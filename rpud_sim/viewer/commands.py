@@ -37,7 +37,7 @@ class LogEntry:
     count: int = 1  # of the changes that it stands for
 
     def plain(self) -> dict[str, Any]:
-        more = f", the last of {self.count} changes in a row" if self.count > 1 else ""
+        more = f", the last of {self.count} consecutive changes" if self.count > 1 else ""
         return {"time": self.time, "kind": self.kind, "text": self.text + more}
 
 

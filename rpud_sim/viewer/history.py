@@ -211,9 +211,12 @@ class History:
         """
         if quantity in self.signals:
             return self.signals[quantity]
-        sources = QUANTITIES[quantity].sources if quantity in QUANTITIES else []
+        shown = QUANTITIES.get(quantity)
+        sources = shown.sources if shown else []
         for source in sorted(sources, key=lambda each: each.startswith("Status.")):  # it is slow
             known = [each for each in self.own_signals if each.source == source]
+            # Older bags have temperatures in K.
+            known = [each for each in known if shown and each.unit in ("", shown.si)]
             if found := [each for each in known if self.bins[-1].has(each.name)]:
                 return min(found, key=lambda signal: is_foreign(signal.topic))
         return None
@@ -379,7 +382,7 @@ def rock_layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
             return []
         return [{"from": 0.0, "to": None, "name": "rock", "colour": 0}]
     if not choice.lstrip().startswith("{") and choice not in ROCKS:
-        return []  # a path: what is recorded or heard never makes this program read a file
+        return []  # a path: no recorded or received text makes this program read a file
     try:
         strata = find_strata(choice)
     except ParameterError:  # another program wrote it

@@ -1,4 +1,4 @@
-"""Running drills as pages see them: threads that hear and command them, and their frames."""
+"""Running drills for pages: threads that subscribe to them and command them, and their frames."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ _ANSWER_PATIENCE = 10.0  # s
 _SILENT = 2  # from so many whole seconds without a status on, pages say it
 _INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
 
-MOST_DRILLS = 16  # that are heard; for a further one, one that has gone is forgotten
+MOST_DRILLS = 16  # with subscriptions; for a further one, a drill that has ended is forgotten
 
-_GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
+_GAP = 1.0  # shortest time before the first message that is shown as a gap [s]
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
 
 
-# Rows of "timing", and what a status has for them.
+# Rows of "timing", and what timing or status have for them.
 _TIMING = {
     "latest block of the last report": "lateness_max",
     "behind its schedule": "lag",
@@ -149,13 +149,13 @@ class Actions:
 
 
 class LiveDrill:
-    """Hears one drill in a thread of its own, keeps what it has heard, and acts on it.
+    """Subscribes to one drill in a thread, keeps its messages, and commands it.
 
     Any number of pages share it. ``connection`` is ``searching``, ``connected`` or ``vanished``,
     since when [Unix s], and why.
 
     The drill need not be there at first. If it vanishes, the connection says so and the thread
-    searches it again; what was heard stays until another run begins, whose number is
+    searches it again; received messages stay until another run begins, whose number is
     ``history.run``. Actions are executed in order, as methods of ``DrillClient``; a pause or reset
     ends the wait for a step that is under way. ``error`` says why the thread has died.
     """
@@ -205,7 +205,7 @@ class LiveDrill:
 
     @contextmanager
     def reading(self) -> Iterator[LiveHistory]:
-        """Return what was heard, which does not change meanwhile."""
+        """Return the received messages, which do not change meanwhile."""
         with self._lock:
             yield self._history
 
@@ -218,7 +218,7 @@ class LiveDrill:
 
     def _open(self, namespace: str) -> DrillClient:
         client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
-        client.observe(self._latched)
+        client.observe(self._latched, "power", "timing")
         client.check_while_waiting(self._check)
         if self._telemetry is not None:
             self._lost_before += Counter(self._telemetry.lost)
@@ -305,10 +305,10 @@ class LiveDrill:
         return ""
 
     def _complete(self, client: DrillClient) -> None:
-        """Ask the drill for the journal's entries before the first that was heard."""
+        """Request from the drill the journal's entries before the first received one."""
         wanted, held = 0, self._history.held
         begun = any(entry.kind == "begin" for entry in held)
-        with suppress(ClientError):  # what was heard is shown all the same
+        with suppress(ClientError):  # received messages are shown all the same
             while not begun and wanted < held[0].sequence and (page := client.journal(wanted)):
                 with self._lock:
                     self._history.complete(e for e in page if e.sequence < held[0].sequence)
@@ -325,8 +325,8 @@ class LiveDrill:
 class LiveStore(Store):
     """Drills of a domain; one thread listens to each, however many pages show it.
 
-    A drill is heard from its first page on, so that later ones show its past. A page that names no
-    drill shows that of ``namespace``, which may start later.
+    Subscriptions last from a drill's first page on, so that later pages show its past. A page that
+    names no drill shows the drill of ``namespace``, which may start later.
     """
 
     mode = "live"
@@ -397,6 +397,7 @@ class LiveStore(Store):
 
     def _state(self, drill: LiveDrill, history: LiveHistory) -> dict[str, Any]:
         status, since = history.status, history.since
+        counts = {**status, **history.timing}
         state = {
             "run": history.run,
             "drills": sorted({*self._namespaces, drill.namespace}),
@@ -409,11 +410,11 @@ class LiveStore(Store):
             "outcomes": drill.actions.outcomes,
             "status": status,
             "timing": {
-                label: QUANTITIES["lateness"].text(status[name])
+                label: QUANTITIES["lateness"].text(counts[name])
                 if name in ("lateness_max", "lag")
-                else number_text(float(status[name]))
+                else number_text(float(counts[name]))
                 for label, name in _TIMING.items()
-                if name in status
+                if name in counts
             },
         }
         if history.time is not None:

@@ -14,6 +14,7 @@ import numpy as np
 from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client.topics import FIELDS
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
@@ -22,18 +23,21 @@ from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_stat
 BIN = 0.05  # length of the finest bins [s]
 _BINS = 1 << 14
 _GREATEST = 2**61  # size of a time with which all calculations fit int64 [ns]
-_JOINING = 0.2  # after the first message, in which other topics may not be heard yet [s]
+_JOINING = 0.2  # after the first message, in which other topics may not have arrived yet [s]
 _LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
 _MOST_SAMPLES = 1200  # of a section
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
     *("peak_force", "impact_rate", "reacting_force"),
     *("nodal_plane", "free_mass", "drill_tool"),
 )
-_TOPICS = {TOPICS[name].type.rpartition("/")[2]: name for name in (*FIELDS, "status")}
+_REPORTS = ("power", "timing", "status")
+_TOPICS = {TOPICS[name].type.rpartition("/")[2]: name for name in (*FIELDS, *_REPORTS)}
 _SIGNALS = tuple(
     Signal(_TOPICS[kind], TOPICS[_TOPICS[kind]].type, field)
     for quantity in QUANTITIES.values()
     for kind, _, field in (source.partition(".") for source in quantity.sources)
+    # Not what only older bags have.
+    if field in message_class(TOPICS[_TOPICS[kind]].type).get_fields_and_field_types()
 )
 
 Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period [s], samples
@@ -66,8 +70,9 @@ class LiveHistory(History):
         # Of the run: stamps from which on an origin counts, ascending, and the origins [ns].
         self._origins: list[tuple[int, int]] = []
         self.status: dict[str, Any] = {}
+        self.timing: dict[str, Any] = {}
         self.latest_impacts: deque[tuple[float, float, float]] = deque(maxlen=_LATEST_IMPACTS)
-        # Of the waveform: the newest whose impacts were heard too, and the newest of all.
+        # Of the waveform: the newest whose impacts arrived too, and the newest of all.
         self.block: Block | None = None
         self._newest: Block | None = None
         self._latest: dict[str, tuple[Any, ...]] = {}
@@ -90,7 +95,7 @@ class LiveHistory(History):
         return {topic: partial(keep, waiting) for topic, waiting in self._waiting.items()}
 
     def latched(self, topic: str, message: Any) -> None:
-        """Take in a message of the journal, the status or the faults."""
+        """Take in a message of a latched topic."""
         self._changes += 1
         if topic == "journal" and (self.held or (message.sequence and not self._journal_next)):
             self.held.append(message)
@@ -218,7 +223,7 @@ class LiveHistory(History):
         origin = stamp - time
         if entry.kind == "begin":
             # Where the clock goes back, a later status belongs to the run before. Faults are not
-            # repeated: those may be the newest ones, heard before the journal.
+            # repeated: those may be the newest ones, received before the journal.
             status = self._kept.get("status")
             back = bool(self._origins) and origin <= self._origins[-1][1]
             if back and status and _stamp(status) > stamp:
@@ -244,11 +249,13 @@ class LiveHistory(History):
             self.add_faults(self.run, message.faults, origin)
             return
         names = message.get_fields_and_field_types()
-        self.status = plain_status({name: getattr(message, name) for name in names}, origin)
+        shown = plain_status({name: getattr(message, name) for name in names}, origin)
+        if topic in ("status", "timing"):
+            setattr(self, topic, shown)
         self.time = max(self.time or 0.0, float(times[0]) / SECOND)
         columns = {
             name: np.array([value], float)
-            for name, value in self.status.items()
+            for name, value in shown.items()
             if f"{topic} {name}" in self.signals
         }
         self.add(Batch(topic, times, columns))

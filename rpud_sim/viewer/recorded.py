@@ -183,8 +183,8 @@ class RecordedDrill(History):
 class RecordedStore(Store):
     """Store of one bag.
 
-    When it is made it has read a sample of the bag, so that a page can stand at once. Each question
-    for a frame reads on for a moment.
+    At first it reads a sample of the bag, so that a page opens quickly. Each request for a frame
+    reads on for a moment.
     """
 
     mode = "recorded"

@@ -30,11 +30,12 @@ from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
+from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
-from rpud_sim.viewer.recording import STATUS_TYPE
 
+_POWERS = (TOPICS["power"].type, TOPICS["status"].type)  # of mean powers; status: before 0.3
 BINS = 3000  # of a layer, at most
 MOMENTS = 12  # whose motion and numbers a report keeps
 
@@ -137,7 +138,7 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
     means = {
         signal.column: bins.mean(signal.name, 0.0, now)
         for signal in history.own_signals
-        if signal.type == STATUS_TYPE and signal.column.endswith("_power")
+        if signal.type in _POWERS and signal.column.endswith("_power")
     }
     rows = [
         [name.replace("_", " "), f"{power * now:.4g}", _text("power", power)]
@@ -146,7 +147,7 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
     ]
     if rows:
         columns = ["power", "energy [J]", "mean [W]"]
-        title = f"powers of the status over {now:.1f} s"
+        title = f"powers over {now:.1f} s"
         tables.append({"title": title, "columns": columns, "rows": rows})
     seen: dict[str, Any] = {}
     for name, read in (

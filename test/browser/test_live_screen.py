@@ -73,7 +73,7 @@ def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
     status = client.status
     text_is(live, "#doing", "paused")
     live.until("document.querySelector('#weight').value === '23.5'")
-    for name in ("impacts", "weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
+    for name in ("impacts", "weight_on_bit", "drive_voltage", "depth"):
         until_screen(live, f"screen.seen.status.{name} === {getattr(status, name)}")
     text_is(
         live, "#driven", f"{status.drive_voltage:g}\N{NO-BREAK SPACE}V, 16\N{NO-BREAK SPACE}kHz"

@@ -16,6 +16,7 @@ import pytest
 
 import rpud_sim.bag
 from rpud_sim.simulation.versions import ENGINE
+from rpud_sim.viewer.recorded import RecordedStore
 
 DATA = Path(__file__).parents[1] / "data"
 ENGINES = {"0.1.0": 1, "0.2.0": 3}
@@ -48,6 +49,34 @@ def test_it_is_listed_reported_and_exported(bag, tmp_path, rpud):
     force = pq.read_table(out / "rpud.contact_force.parquet")["peak_force"].to_numpy()
     with rpud_sim.bag.open(bag) as held:
         np.testing.assert_array_equal(force, held.arrays("/rpud/contact_force")["peak_force"])
+
+
+@every_bag
+def test_temperatures_are_kelvin_and_powers_those_of_the_status(bag):
+    with rpud_sim.bag.open(bag) as held:
+        units = {column.name: column.unit for column in held.columns("/rpud/status")}
+        values = held.arrays("/rpud/status")["actuator_temperature"]
+    assert (units["actuator_temperature"], np.floor(values[0])) == ("K", 293.0)
+    with RecordedStore(bag) as store:
+        store.read_all()
+        history = store.histories["/rpud"]
+        assert history.signal("temperature") is None  # which is shown in degrees Celsius
+        own = [each.unit for each in history.others() if "temperature" in each.name]
+        assert {*own} == {"K"}
+        assert history.signal("lateness").source == "Status.lateness_max"
+        if bag.parent.name == "0.2.0":  # 0.1.0 has none
+            assert history.signal("absorbed_power").source == "Status.absorbed_power"
+
+
+def test_it_is_compared_with_a_bag_of_today(tmp_path, rpud):
+    bag = DATA / "0.2.0" / "offline_free"
+    simulate = ("simulate", "--regime", "free", "--duration", 2, "--bag", tmp_path / "new")
+    assert rpud(*simulate)[0] == 0
+    printed = rpud("compare", bag, tmp_path / "new", "--settle", 0, "--json")[1]
+    found = json.loads(printed)
+    assert "ambient_temperature" not in {each["name"] for each in found["parameters"]}
+    timing = [run["timing"]["greatest"]["real_time_factor"] for run in found["runs"]]
+    assert timing == [1.0, None]  # what is computed offline has none
 
 
 @every_bag

@@ -51,7 +51,7 @@ def column(messages, name):
 
 def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
     names = "actuator_state contact_force drill_tool faults joint_states journal nodal_plane"
-    names += " reacting_force status trajectory waveform wrench"
+    names += " power reacting_force status trajectory waveform wrench"
     assert sorted(messages) == [f"/rpud/{name}" for name in names.split()]
     for name, topic in messages.items():
         times = [time for time, _ in topic]

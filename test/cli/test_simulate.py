@@ -109,7 +109,7 @@ def test_a_scenario_draws_with_the_seed_that_is_given(figures, tmp_path):
 @pytest.mark.parametrize(
     ("scenario", "complaint"),
     [
-        ("faults: [{kind: hard_rock, onset: 1.0}]", ":1: hard_rock cannot be honoured: it needs"),
+        ("faults: [{kind: hard_rock, onset: 1.0}]", ":1: hard_rock is not possible: it needs"),
         ("faults: 3", ":1: faults = 3 is not a list"),
         (None, ": No such file or directory"),
     ],

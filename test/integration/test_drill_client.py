@@ -8,6 +8,7 @@ from support import PATIENCE, until
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.client import DrillClient, NoAnswerError, NoDrillError, RefusedError
 
+SECOND = 1_000_000_000
 PAUSED = {"start_paused": True, "publish_clock": True}
 
 
@@ -82,7 +83,8 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
     assert drill.published["contact_force"] - before == len(impacts) > 0
     told = drill.delivery()
     published = dict(zip(told.topics, told.published, strict=True))
-    del published["status"]  # which a paused drill goes on to publish
+    for name in ("power", "status", "timing"):  # which a paused drill goes on to publish
+        del published[name]
     assert drill.published.items() >= published.items()
     assert drill.step(0.001234567) == 1.001234567
     assert drill.run_to(1.5) == 1.5
@@ -93,6 +95,22 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
     assert refused.value.result == Result.RESULT_OPERATION_FAILED
     with pytest.raises(ParameterError, match=r"scope = 'al' is unknown; did you mean all?"):
         drill.reset("al")
+
+
+def test_power_and_timing_come_with_each_status(drill):
+    power, timing = drill.listen("power"), drill.listen("timing")
+    drill.step(1.0)
+    drill.until(lambda: {stamps(each)[-1] for each in (power, timing) if each} == {SECOND})
+    assert power[-1].actuator_power > 0.0
+    assert timing[-1].messages_dropped == 0
+
+
+def test_a_magnitude_of_zero_is_zero_where_that_is_one(drill):
+    drill.inject("wrong", "wrench", 0.0)
+    assert 0.0 < drill.faults[-1].magnitude < 1e-200
+    drill.inject("free_mass_jammed", magnitude=0.0)
+    with pytest.raises(ParameterError, match="magnitude of bias on wrench = 0 would change noth"):
+        drill.inject("bias", "wrench", 0.0)
 
 
 def test_without_a_drill_it_says_where_there_are_some(process):

@@ -74,13 +74,13 @@ def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(heard):
 
 
 def test_a_bag_without_ros_has_the_topics_of_a_recording(session, capsys, tmp_path):
-    """But for what only a node publishes: its states, and results of commands."""
+    """But for what only a node publishes: its states, timing, and results of commands."""
 
     def topics(path):
         with rpud_sim.bag.open(path) as bag:
             held = [summary for summary in bag.topics if summary.message_count]
         topics = {summary.topic: summary.definition for summary in held}
-        of_node = ("/drill_node/", "/command_results")
+        of_node = ("/drill_node/", "/command_results", "/timing")
         return {it: topics[it] for it in topics if not any(word in it.name for word in of_node)}
 
     offline = tmp_path / "offline"

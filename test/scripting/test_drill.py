@@ -10,7 +10,7 @@ from rpud_sim.ros.client import DrillClient
 WORDS = ("press", "drive", "feed", "engage", "inject", "clear", "step", "reset", "set_parameters")
 
 
-@pytest.mark.parametrize("other", [DrillClient, testing.Drill])
+@pytest.mark.parametrize("other", [DrillClient, testing.LockstepDrill])
 def test_its_words_are_those_of_the_client_and_of_a_test(other):
     assert [name for name in WORDS if not hasattr(other, name)] == []
     assert [name for name in WORDS if not hasattr(rpud_sim.Drill, name)] == []

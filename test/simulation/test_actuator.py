@@ -47,6 +47,12 @@ drives = st.builds(
 NOMINAL = Drive(True, 100.0, 16000.0)
 
 
+def test_an_ambient_temperature_in_kelvin_is_refused():
+    reason = "ambient_temperature = 293.15 degC is outside its range [-273.15, 150] degC"
+    assert refusal(lambda: ActuatorParameters(ambient_temperature=293.15)) == reason
+    assert ActuatorParameters(ambient_temperature=-173.0).ambient_temperature == -173.0
+
+
 @given(drives, drives)
 def test_the_gain_model_is_proportional_to_the_voltage_at_once(first, second):
     actuator = Actuator(GAIN, AMPLITUDE, first)

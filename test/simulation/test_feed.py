@@ -6,7 +6,6 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rpud_msgs.msg import Feed as FeedMessage
 from support import examples, refusal
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
@@ -179,7 +178,12 @@ def test_the_status_has_the_feed_in_force():
     list(run.advance_to(MILLISECOND))
     run.control.apply(Feed("position", 2e-3))
     status = run.status().row(0)
-    assert (status["feed_mode"], status["feed_value"]) == (FeedMessage.MODE_POSITION, 2e-3)
+    assert math.isnan(status["feed_rate"])
+    assert status["feed_position"] == 2e-3
     assert status["feed_applied"] == {"sec": 0, "nanosec": MILLISECOND + 5}
+    run.control.apply(Feed("rate", 0.0))
+    status = run.status().row(0)
+    assert status["feed_rate"] == 0.0
+    assert math.isnan(status["feed_position"])
     status = Run(Plan(Beginning(to_settings({})))).status().row(0)
-    assert (status["feed_mode"], math.isnan(status["feed_value"])) == (FeedMessage.MODE_RATE, True)
+    assert all(math.isnan(status[f"feed_{name}"]) for name in ("rate", "position"))

@@ -25,7 +25,7 @@ from rpud_sim.simulation.changes import (
 from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.fields import Bookkeeping, stamp_of
+from rpud_sim.simulation.fields import CommandCounts, stamp_of
 from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 
@@ -34,7 +34,8 @@ MILLISECOND = 1_000_000
 ORIGIN = 1_700_000_000 * SECOND + 7
 END = 100 * MILLISECOND
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
-STATUS = Path(__file__).parents[2] / "msg_defs" / "msg" / "Status.msg"
+MESSAGES = Path(__file__).parents[2] / "msg_defs" / "msg"
+POWER, STATUS = MESSAGES / "Power.msg", MESSAGES / "Status.msg"
 
 
 def fault(onset, clear, *words):
@@ -131,17 +132,19 @@ def test_faults_are_published_once_for_each_change():
     assert onsets == [12_345_685, 20 * MILLISECOND + 7]
 
 
-def test_the_status_gives_every_field_of_its_message():
-    declared = re.findall(r"^[\w/]+ +([a-z]\w*) *(?:#.*)?$", STATUS.read_text(), re.MULTILINE)
-    assert len(declared) > 25
+def test_status_and_power_give_every_field_of_their_messages():
     run, _ = begun(journal=Journal())
     advanced(run, 10 * MILLISECOND)
-    batch = run.status("running", Bookkeeping(commands_accepted=3, lag=0.25))
-    [(time, topic, fields)] = batch.rows()
-    assert {*fields} == {*declared}
-    assert (time, topic) == (10 * MILLISECOND, "status")
-    assert stamp_of(fields) == ORIGIN + 10 * MILLISECOND
-    assert (fields["state"], fields["commands_accepted"], fields["lag"]) == ("running", 3, 0.25)
+    status = run.status("running", CommandCounts(commands_accepted=3))
+    for batch, message in ((run.power(), POWER), (status, STATUS)):
+        text = message.read_text()
+        declared = re.findall(r"^[\w/]+ +([a-z]\w*) *(?:#.*)?$", text, re.MULTILINE)
+        assert len(declared) > 10
+        [(time, topic, fields)] = batch.rows()
+        assert {*fields} == {*declared}
+        assert (time, topic) == (10 * MILLISECOND, message.stem.lower())
+        assert stamp_of(fields) == ORIGIN + 10 * MILLISECOND
+    assert (fields["state"], fields["commands_accepted"]) == ("running", 3)
     assert fields["impacts"] == run.simulation.impact_count > 0
     assert fields["journal_entries"] == 2
 
@@ -165,7 +168,9 @@ def test_a_run_that_reports_has_a_status_at_each_second_and_after_each_change():
         Change(400 * MILLISECOND, WeightOnBit(12.0)),  # acts already
     ]
     run, _ = begun(changes=changes, reports=True)
-    found = [(t, f) for t, topic, f in advanced(run, 2 * SECOND) if topic == "status"]
+    messages = advanced(run, 2 * SECOND)
+    found = [(t, f) for t, topic, f in messages if topic == "status"]
+    assert [time for time, _ in found] == [t for t, topic, _ in messages if topic == "power"]
     assert [time for time, _ in found] == [300 * MILLISECOND, SECOND, 2 * SECOND]
     assert (found[0][1]["weight_on_bit"], found[0][1]["drive_voltage"]) == (12.0, 80.0)
     assert run.next_change == NEVER
@@ -191,7 +196,7 @@ def test_under_watch_the_loss_of_planned_commands_makes_the_drill_safe():
     [
         (Clear(3), "there is no fault 3 to clear"),
         (Clear(0, "noise", "wrench"), "there is no noise on wrench to clear"),
-        (Inject(Fault("feed_stall")), "feed_stall cannot be honoured"),
+        (Inject(Fault("feed_stall")), "feed_stall is not possible"),
         (Feed("rate", 1e-3), "feed"),
         (Configure({"weight_on_bit": -1.0}), "weight_on_bit = -1"),
         (Configure({"no such": 1.0}), "no such"),

@@ -41,7 +41,7 @@ def file(tmp_path):
         ),
     ],
 )
-def test_the_examples_can_be_honoured(name, count, values):
+def test_the_examples_are_possible(name, count, values):
     scenario = read_scenario(CONFIG / name)
     assert len(scenario) == count
     for _, fault in injected(scenario):

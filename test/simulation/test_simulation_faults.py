@@ -147,7 +147,7 @@ def test_a_scheduled_fault_that_cannot_begin_is_refused_and_reported():
     simulation.advance_to(3 * SECOND)
     there, impossible = simulation.drain_refusals()
     assert there == "planned change refused: free_mass_jammed is already there as fault 1"
-    assert impossible.startswith("planned change refused: drill_tool_binding cannot be honoured:")
+    assert impossible.startswith("planned change refused: drill_tool_binding is not possible:")
     assert simulation.drain_refusals() == []
     assert spans(simulation) == [("free_mass_jammed", 0, None), ("lost_preload", 2 * SECOND, None)]
 

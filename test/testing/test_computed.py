@@ -91,14 +91,14 @@ def test_a_drill_that_computes_other_values_fails_the_test(drill):
         drill.messages("contact_force")
 
 
-def test_nothing_but_status_is_published_to_a_test_that_listens_to_nothing(drill):
+def test_nothing_but_reports_is_published_to_a_test_that_listens_to_nothing(drill):
     before = drill.published
     drill.step(1.0)
     drill.messages("waveform")
     drill.expect(always(signal("reacting_force.force") < "450 N"))
     drill.expect(eventually(signal("waveform.contact_force") > "100 N"))
     published = {name for name, count in drill.published.items() if count > before[name]}
-    assert published <= {"status", "journal", "faults"}
+    assert published <= {"status", "power", "timing", "journal", "faults"}
 
 
 def test_it_computes_the_same_in_one_step_and_in_many(drill):

@@ -110,6 +110,20 @@ def test_one_process_serves_other_parameters_as_one_that_was_started_with_them(p
     pool.give_back(again)
 
 
+def test_in_quick_steps_each_status_has_its_power_and_timing(pool):
+    drill = pool.take(drill_setup({}))
+    for topic in ("power", "timing"):
+        drill.listen(topic)
+    for number in range(20):
+        drill.press(10.0 + number)
+        drill.step(0.001)
+    power, timing = drill.messages("power"), drill.messages("timing")
+    assert len(power) == len(timing) > 20
+    assert [each.header for each in power] == [each.header for each in timing]
+    assert power[-1].header == drill.status.header
+    pool.give_back(drill)
+
+
 def test_a_dead_drill_is_replaced_and_told_of(pool):
     drill = pool.take(drill_setup({}))
     os.kill(drill.pid, signal.SIGKILL)

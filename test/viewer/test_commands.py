@@ -66,7 +66,7 @@ def test_dense_changes_share_an_entry_that_counts_them_and_are_all_steps():
     for number in range(200):
         commands.add(1.0 + 0.05 * number, "weight_on_bit", {"force": 10.0 + number % 3})
     assert len(texts(commands)) == 5
-    assert texts(commands)[-1] == "weight on bit 11 N, the last of 197 changes in a row"
+    assert texts(commands)[-1] == "weight on bit 11 N, the last of 197 consecutive changes"
     assert len(commands.steps(0.0, 100.0, 1000)["weight_on_bit"]["t"]) == 201
     part = commands.steps(2.02, 3.0, 5)["weight_on_bit"]
     assert len(part["t"]) == 5

@@ -132,7 +132,7 @@ def test_without_scripts_a_report_has_verdict_and_numbers_and_says_why(page, bag
 
 
 def test_the_reason_of_a_failure_is_the_line_of_pytest():
-    text = "drill = <rpud_sim.testing.drill.Drill object at 0x7f>\n\n>   assert 1 == 2\n"
+    text = "drill = <rpud_sim.testing.drill.LockstepDrill object at 0x7f>\n\n>   assert 1 == 2\n"
     assert _reason(f"{text}E   assert 1 == 2\nE    +  more\n\ntest.py:3") == ["assert 1 == 2"]
     assert _reason("no such line\nat all") == ["no such line"]
 

@@ -25,7 +25,7 @@ from rpud_sim.simulation.configuration import CHANGEABLE
 
 PLAYING = SetSimulationState.Request().state.STATE_PLAYING
 OPTIONS = {
-    "rock_model": "specific_energy",  # so that every fault can be honoured
+    "rock_model": "specific_energy",  # so that every fault is possible
     "actuator_model": "resonance",
     "command_timeout": 3600.0,  # so that stamps are looked at
     "telemetry_rate": 500,  # each input waits for the end of a block

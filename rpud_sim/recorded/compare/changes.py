@@ -12,6 +12,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.compare.values import RecordedValues
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.simulation import PARAMETERS
+from rpud_sim.simulation.versions import engine_of
 
 _MOST_TEXT = 300  # characters of a command
 _SHORTEST = 0.1  # s; shorter parts hold nothing to compare
@@ -55,7 +56,15 @@ class ComparedWindow(NamedTuple):
 def parameter_settings(drills: Sequence[RecordedRun]) -> tuple[Setting, ...]:
     """Return the parameters at the beginning that differ, with the seed and the initial phase."""
     seeds = [{} if drill.seed is None else {"seed": drill.seed} for drill in drills]
-    return _differing([{**d.parameters, **seed} for d, seed in zip(drills, seeds, strict=True)])
+    return _differing([_in_celsius(d) | seed for d, seed in zip(drills, seeds, strict=True)])
+
+
+def _in_celsius(drill: RecordedRun) -> dict[str, Any]:
+    """Return the parameters of a run; a journal of an engine before 6 has kelvin."""
+    found, ambient = dict(drill.parameters), drill.parameters.get("ambient_temperature")
+    if drill.entries and isinstance(ambient, float) and engine_of(drill.beginning) in range(6):
+        found["ambient_temperature"] = round(ambient - 273.15, 9)
+    return found
 
 
 def version_settings(drills: Sequence[RecordedRun]) -> tuple[Setting, ...]:

@@ -64,7 +64,7 @@ def compare(
         begin: simulation time from which on distributions are compared [s].
         end: simulation time up to which they are [s]; None for the end of the shorter run.
         settle: time that is left out after the start and after each command or fault [s].
-        tolerance: relative difference that does not matter, such as 0.05; 0 for none.
+        tolerance: accepted relative difference, such as 0.05; 0 for none.
         run_numbers: number of the run in each bag, or one for both; None for the first.
         namespaces: of the drill in each bag, or one for both; None where there is a single one.
         quantities: names of those to compare, as in ``values.QUANTITIES``; all if empty.

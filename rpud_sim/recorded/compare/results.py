@@ -58,7 +58,7 @@ class Comparison:
     # of each window, by quantity, of each run; None where a run has no values
     figures: tuple[dict[str, tuple[RunFigures | None, ...]], ...]
     differences: tuple[FigureDifference, ...]  # of all windows
-    tolerance: float  # relative difference that does not matter; 0 for none
+    tolerance: float  # accepted relative difference; 0 for none
     warnings: tuple[str, ...]
 
     @property

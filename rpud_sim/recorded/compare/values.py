@@ -25,7 +25,9 @@ FIGURES = {MEAN: "mean", MEDIAN: "median", P95: "95 % quantile"}  # as people re
 
 # Relative names of the topics that are read.
 IMPACTS, STATUS, FAULTS = "contact_force", "status", "faults"
-_READ = (IMPACTS, FAULTS, "nodal_plane", "reacting_force", STATUS)
+_POWER, _TIMING = "power", "timing"
+_REPORTS = (STATUS, _POWER, _TIMING)
+_READ = (IMPACTS, FAULTS, "nodal_plane", "reacting_force", *_REPORTS)
 
 
 class ComparedQuantity(NamedTuple):
@@ -50,8 +52,8 @@ class ComparedQuantity(NamedTuple):
         return self.tested == (MEAN,)
 
 
-def _power(name: str, resolution: float = 1e-9) -> ComparedQuantity:
-    return ComparedQuantity(name, STATUS, name, (MEAN,), 16, resolution)
+def _mean(name: str, topic: str = _POWER, resolution: float = 1e-9) -> ComparedQuantity:
+    return ComparedQuantity(name, topic, name, (MEAN,), 16, resolution)
 
 
 QUANTITIES = (
@@ -65,13 +67,13 @@ QUANTITIES = (
     ComparedQuantity("impact_power", IMPACTS, tested=(MEAN,)),
     ComparedQuantity("reacting_force", "reacting_force", "force"),
     ComparedQuantity("nodal_plane_position", "nodal_plane", "position"),
-    _power("penetration_rate", 1e-12),
-    _power("electrical_power"),
-    _power("actuator_power"),
-    _power("weight_power"),
-    _power("load_damper_power"),
-    _power("collision_power"),
-    _power("absorbed_power"),
+    _mean("penetration_rate", STATUS, 1e-12),
+    _mean("electrical_power", STATUS),
+    _mean("actuator_power"),
+    _mean("weight_power"),
+    _mean("load_damper_power"),
+    _mean("collision_power"),
+    _mean("absorbed_power"),
 )
 
 
@@ -81,9 +83,9 @@ def shown(quantity: str) -> ShownQuantity:
     return SHOWN[names.get(quantity, quantity)]
 
 
-# Fields of a status about timing, which belong to the machine and are never tested.
+# Fields about timing, which belong to the machine and are never tested.
 TIMING = ("lateness_max", "lag", "real_time_factor")
-# Fields of a status that count since the start.
+# Fields that count since the start.
 COUNTERS = ("deadlines_missed", "messages_dropped", "commands_rejected")
 
 Arrays = dict[str, np.ndarray]
@@ -130,8 +132,10 @@ class RecordedValues:
     @property
     def timing(self) -> dict[str, Any]:
         """``runs[].timing`` of the JSON: of the machine, not of the drill."""
-        arrays = self.topics.get(STATUS, {})
-        held = {name: arrays.get(name, np.empty(0)) for name in (*TIMING, *COUNTERS)}
+        held = {
+            name: self.holding(name, _TIMING).get(name, np.empty(0))
+            for name in (*TIMING, *COUNTERS)
+        }
         known = {name: values[np.isfinite(values)] for name, values in held.items()}
         return {
             **{
@@ -141,10 +145,15 @@ class RecordedValues:
             **{name: int(known[name][-1]) if len(known[name]) else None for name in COUNTERS},
         }
 
+    def holding(self, column: str, topic: str) -> Arrays:
+        """Return the arrays of a topic with a column; before 0.3 the status had all of reports."""
+        own = self.topics.get(topic, {})
+        return own if column in own else self.topics.get(STATUS, {})
+
     def _times(self) -> list[np.ndarray]:
         held = {name: a["time"] for name, a in self.topics.items() if len(a["time"])}
-        # A latched status may be older than the run's other messages.
-        return [times for name, times in held.items() if name != STATUS] or [*held.values()]
+        # A latched report may be older than the run's other messages.
+        return [times for name, times in held.items() if name not in _REPORTS] or [*held.values()]
 
 
 class OpenRun(NamedTuple):
@@ -211,11 +220,11 @@ def _usable_topic(bag: BagReader, full: str) -> bool:
 def _rows(
     columns: Mapping[str, np.ndarray], own: np.ndarray, times: np.ndarray, name: str
 ) -> Arrays:
-    wanted = [q.column for q in QUANTITIES if q.topic == name]
+    wanted = [q.column for q in QUANTITIES if q.topic == name or {q.topic, name} <= {*_REPORTS}]
     found = {"time": times[own]}
     if name == IMPACTS:
         found["sequence"] = columns["sequence"][own].astype(np.int64)
-    for key in (*wanted, *((*TIMING, *COUNTERS) if name == STATUS else ())):
+    for key in (*wanted, *((*TIMING, *COUNTERS) if name in _REPORTS else ())):
         if key in columns:
             values = columns[key][own].astype(float)
             found[key] = np.where(usable(values), values, np.nan)
@@ -251,7 +260,9 @@ def series_of(
 ) -> np.ndarray | None:
     """Return the values of a quantity between two simulation times [s], in order; None without."""
     arrays = values.topics.get(quantity.topic)
-    if arrays is None:
+    if quantity.topic in _REPORTS:
+        arrays = values.holding(quantity.column, quantity.topic)
+    if not arrays:
         return None
     times = arrays["time"]
     first, last = np.searchsorted(times, [begin, end])
@@ -263,7 +274,7 @@ def series_of(
     if quantity.column not in arrays:
         return None
     # A report of powers is the mean of the second before it.
-    if quantity.topic == STATUS:
+    if quantity.topic in _REPORTS:
         first, last = np.searchsorted(times, [begin + 1.0 - 1e-9, end + 1e-9])
         # The drill does not move as long as the time of its status stays.
         first = max(first, int(np.searchsorted(times, times[:1].sum(), side="right")))

@@ -35,6 +35,9 @@ from rpud_sim.ros.client.listening_node import (
     to_time,
 )
 from rpud_sim.ros.client.topics import FastTopics, Sink, TopicListener
+from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.faults import Fault as CheckedFault
+from rpud_sim.simulation.topics import TOPICS
 
 # What a reset may restart, by name.
 SCOPES: Mapping[str, int] = {
@@ -50,6 +53,7 @@ _TOPICS = {
     "command_results": msg.CommandResults,
 }
 _LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_TINY = 1e-300  # magnitude with the effect of zero, which in a message means the default
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
 _STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
@@ -187,9 +191,15 @@ class DrillClient(ListeningNode):
         self._listeners.append(listener)
         return listener.messages
 
-    def observe(self, observer: Callable[[str, Any], object]) -> None:
-        """Call a function with topic and message of status, faults, journal and command_results."""
+    def observe(self, observer: Callable[[str, Any], object], *others: str) -> None:
+        """Call a function with topic and message of status, faults, journal and command_results.
+
+        ``others`` are further latched topics of the drill.
+        """
         self._observer = observer
+        for topic in others:
+            kind = message_class(TOPICS[topic].type)
+            self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
 
     def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
         """Subscribe to fast topics: see ``FastTopics``."""
@@ -219,9 +229,9 @@ class DrillClient(ListeningNode):
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
-            message = Feed(mode=Feed.MODE_RATE, value=_number("rate", rate))
+            message = Feed(mode=Feed.MODE_RATE, rate=_number("rate", rate))
         else:
-            message = Feed(mode=Feed.MODE_POSITION, value=_number("position", position))
+            message = Feed(mode=Feed.MODE_POSITION, position=_number("position", position))
         self._command("feed", message)
 
     def engage(self, on: bool = True) -> None:
@@ -267,10 +277,13 @@ class DrillClient(ListeningNode):
 
         ``channel`` is the topic of a signal fault. The duration is simulation time [s].
         """
+        size = math.nan if magnitude is None else _number("magnitude", magnitude)
+        if size == 0.0 and CheckedFault(kind, channel, size).declared.magnitude:
+            size = _TINY
         fault = Fault(
             kind=_FAULT_KIND.check("kind", kind),
             channel=_CHANNEL.check("channel", channel),
-            magnitude=math.nan if magnitude is None else _number("magnitude", magnitude),
+            magnitude=size,
         )
         lasting = to_time(Duration, "duration", 0.0 if duration is None else duration)
         request = srv.InjectFault.Request(fault=fault, duration=lasting)

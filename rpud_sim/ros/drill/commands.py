@@ -19,7 +19,7 @@ from rpud_msgs.msg import Feed as FeedMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from rpud_sim.drilling.mount import POSITION, RATE
+from rpud_sim.drilling.mount import FEED_MODES, POSITION, RATE
 from rpud_sim.foundation.quantities import LONGEST_NAME, ParameterError, Text, cut
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
@@ -34,7 +34,6 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT
 
 COMMAND_QOS = QoSProfile(depth=1000)  # reliable
 
-_FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 _PASSIVE = (*JOINTS, ROTATION_JOINT)
 
 _FRAME = Text("frame of a command", "a name", LONGEST_NAME)
@@ -89,9 +88,18 @@ def joints_to_feed(message: JointState, prefix: str = "") -> Feed | None:
 
 
 def _to_feed(message: FeedMessage) -> Feed:
-    if message.mode not in _FEED_MODES:
+    values = {RATE: (message.rate, "m/s"), POSITION: (message.position, "m")}
+    if message.mode >= len(FEED_MODES):
         raise ParameterError(f"feed mode = {message.mode} is not 0 (rate) or 1 (position)")
-    return Feed(_FEED_MODES[message.mode], message.value)
+    mode, other = FEED_MODES[message.mode], FEED_MODES[1 - message.mode]
+    value, unit = values[other]
+    # A shell that names only one of them leaves the mode out.
+    if not (value == 0.0 or math.isnan(value)):
+        raise ParameterError(
+            f"feed mode = {message.mode} ({mode}) takes no {other}, given {value:g} {unit}: "
+            f"a {other} needs mode = {1 - message.mode}"
+        )
+    return Feed(mode, values[mode][0])
 
 
 # The command that a message has, by topic; the second argument is the prefix of joints.

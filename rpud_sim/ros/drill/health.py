@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from rclpy.node import Node
 
-from rpud_sim.drilling.mount import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
@@ -20,7 +19,7 @@ from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.fields import Bookkeeping, time_fields
+from rpud_sim.simulation.fields import CommandCounts, header_fields, prefixed, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
@@ -49,12 +48,15 @@ class Report(NamedTuple):
 
     time: int  # simulation time [ns]
     status: Fields  # of its ``rpud_msgs/Status``
+    timing: Fields  # of its ``rpud_msgs/Timing``
     figures: Figures  # of the second before the latest full report
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     requests_refused: int  # of services, since the start
     last_refusal: str  # why the latest command or request was refused
 
+
+_TIMING = ("real_time_factor", "lateness_max", "lag", "deadlines_missed")  # that a pacer measures
 
 # What each entry of the diagnostics shows, where there is such a value.
 _SHOWN = {
@@ -67,30 +69,26 @@ _SHOWN = {
         "commands_accepted, commands_rejected, commands_discarded, command_delay_p50 [s], "
         "command_delay_p99 [s], command_delay_max [s], requests_refused, last_refusal, "
         "weight_on_bit [N], drive_enabled, drive_voltage [V], drive_frequency [Hz], "
-        "feed_mode, feed_value [m/s], feed_value [m], commanders"
+        "feed_rate [m/s], feed_position [m], commanders"
     ),
     "drill": (
         "state, regime, impacts, vibration_amplitude [m], resonance_frequency [Hz], "
-        "actuator_temperature [K], electrical_power [W], depth [m], penetration_rate [m/s], "
+        "actuator_temperature [degC], electrical_power [W], depth [m], penetration_rate [m/s], "
         "side_offset [m], coupling_power [W], active_faults, duplicates"
     ),
     "messages": "messages_dropped, journal_dropped",
 }
 
 
-def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[Fields]:
-    """Return the entries of diagnostics; ``period`` is of blocks [s]."""
-    mount, borehole = run.simulation.process.mount, run.simulation.process.borehole
-    values = {"coupling_power": run.coupling_power, **status, **measured}
-    mode, feed = FEED_MODES[values.pop("feed_mode")], values.pop("feed_value")
+def diagnose(run: Run, values: Fields, period: float) -> list[Fields]:
+    """Return the entries of diagnostics.
+
+    ``values`` are the fields of a report, and what was measured; ``period`` is of blocks [s].
+    """
+    borehole = run.simulation.process.borehole
     health = _health(run, values, period)
-    if mount is None:
-        del values["coupling_power"]
-    else:
-        values["feed_mode"] = mode
-        values["feed_value [m/s]" if mode == RATE else "feed_value [m]"] = feed
     if borehole is not None:
-        values["side_offset"] = borehole.side_offset
+        values = {**values, "side_offset": borehole.side_offset}
     return [
         {
             "level": health[part][0],
@@ -98,9 +96,9 @@ def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[
             "message": health[part][1],
             "hardware_id": "rpud_sim",
             "values": [
-                {"key": key, "value": _text(values[name])}
+                {"key": key, "value": _text(value)}
                 for key in keys.split(", ")
-                if (name := key if key in values else key.partition(" ")[0]) in values
+                if (value := values.get(key.partition(" ")[0])) is not None and value == value
             ],
         }
         for part, keys in _SHOWN.items()
@@ -126,7 +124,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
         ("timing", _OK, True, "on time"),
         ("commands", _ERROR, values["commands_lost"], "commands are lost: the drill is made safe"),
         ("commands", _WARN, discarded, f"{discarded} discarded"),
-        ("commands", _WARN, commanders > 1, f"{commanders} publishers command at once"),
+        ("commands", _WARN, commanders > 1, f"{commanders} publishers send commands"),
         ("commands", _OK, True, f"{values['commands_rejected']} refused"),
         ("drill", _WARN, duplicates, f"{duplicates + 1} nodes have this name"),
         (
@@ -229,36 +227,41 @@ class StatusReporter:
             self._measure(pacer)
         status = run.status(
             state,
-            Bookkeeping(
+            CommandCounts(
                 commands_accepted=self._inbox.accepted,
                 commands_rejected=self._inbox.rejected,
                 commands_discarded=self._inbox.discarded,
-                commands_lost=run.control.commands_lost,
                 commanders=max(
                     sum(map(self._node.count_publishers, topics)) for topics in self._command_topics
                 ),
-                messages_dropped=self._publishers.dropped,
-                **{
-                    name: self._measured[name]
-                    for name in ("deadlines_missed", "real_time_factor", "lateness_max", "lag")
-                },
             ),
         )
-        self._publishers.publish([status])
-        self._inbox.publish_results(
-            self._publishers, run.origin + run.time, run.settings.frame_prefix
-        )
+        power = run.power()
+        timing = {
+            "header": header_fields("timing", run.origin + run.time),
+            **{name: self._measured[name] for name in _TIMING},
+            "messages_dropped": self._publishers.dropped,
+        }
+        prefix = run.settings.frame_prefix
+        measured_timing = Batch.of(run.time, "timing", prefixed(timing, prefix))
+        # The status last: who gets it finds the others.
+        self._publishers.publish([power, measured_timing, status])
+        self._inbox.publish_results(self._publishers, run.origin + run.time, prefix)
         simulation = run.simulation
         self.last = Report(
             time=run.time,
             status=status.fields,
+            timing=timing,
             figures=self._figures,
             process=simulation.process,
             faults=simulation.faults.active,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
         )
-        measured = {
+        values = {
+            **power.fields,
+            **timing,
+            **status.fields,
             **self._measured,
             "requests_refused": self.last.requests_refused,
             "last_refusal": self.last.last_refusal,
@@ -266,7 +269,7 @@ class StatusReporter:
             "duplicates": self._duplicates.count(),
             "journal_dropped": self._count_forgotten(),
         }
-        entries = diagnose(run, status.fields, measured, self._period)
+        entries = diagnose(run, values, self._period)
         for entry in entries:
             entry["name"] = f"{self._node.get_fully_qualified_name()}: {entry['name']}"
         stamp = time_fields(self._node.get_clock().now().nanoseconds)

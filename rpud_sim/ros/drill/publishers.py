@@ -36,11 +36,12 @@ OF_NODE = {
 }
 # As robot_state_publisher offers it.
 DESCRIPTION = DrillTopic("std_msgs/msg/String", 1, latched=True, frame="", complete=False)
-# A node that joins a drill at a standstill has the time at once.
+# Latched, so that a node that joins a paused drill receives the time.
 CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 # That a simulation which nothing paces waits for a subscriber that does not answer [s].
 _LONGEST_WAIT = 1.0
-_STATUS_WAIT = 0.5  # for those that lack the last status [s]
+_REPORT_WAIT = 0.5  # for those that lack the last report [s]
+_REPORTS = ("power", "timing", "status")
 
 MOST = 1_000_000  # entries that are kept at least, about 15 MB
 _PAGE = 500  # entries that are compressed, and returned, together
@@ -76,7 +77,8 @@ class DrillPublishers:
         self.patient = False
         self._published = Counter[str]()
         self._deferred: deque[Stream] = deque()  # messages without a deadline, not published yet
-        self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
+        # Not for ever: a subscriber that was killed never acknowledges.
+        self._awaited = dict.fromkeys(_REPORTS, True)
         # Of the topics that a simulation has, and of the others.
         self.own = AcknowledgedPublishers(_LONGEST_WAIT)
         self._others = AcknowledgedPublishers(_LONGEST_WAIT)
@@ -193,11 +195,11 @@ class DrillPublishers:
 
     def _send(self, name: str, message: bytes) -> None:
         try:
-            if self.patient and name == "status":
+            if self.patient and name in _REPORTS:
                 # Else the next one would overwrite it: in steps two commands follow each other at
                 # once, and a test counts every status.
-                wait = _STATUS_WAIT if self._awaits_status else 0.0
-                self._awaits_status = self.own[name].acknowledged(wait)
+                wait = _REPORT_WAIT if self._awaited[name] else 0.0
+                self._awaited[name] = self.own[name].acknowledged(wait)
             publishers = self.own if name in self.own else self._others
             publishers.send(name, message, hurried=self.patient)
             self._published[name] += 1

@@ -39,7 +39,6 @@ from rpud_sim.ros.graph import DiscoveryProbe, filled
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import fault_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, CHANNELS, TOPICS
@@ -57,7 +56,7 @@ PAUSED = SimulationState.STATE_PAUSED
 QUITTING = SimulationState.STATE_QUITTING
 _ALREADY = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
 
-_MOST_NODES = 100  # that are asked at a time, whoever wants it
+_MOST_NODES = 100  # that are asked at a time, for any request
 
 
 class RefusedRequestError(Exception):
@@ -279,10 +278,8 @@ class DrillServices:
 
 
 def message_to_fault(message: FaultMessage) -> Fault:
-    """Convert a fault to inject; zero stands for the default of a kind that takes no zero."""
-    kind = KINDS.get(message.kind)
-    unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
-    return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
+    """Convert a fault to inject; a magnitude of zero is one that was left out."""
+    return Fault(message.kind, message.channel, message.magnitude or math.nan)
 
 
 def _state_of(session: Session) -> int:

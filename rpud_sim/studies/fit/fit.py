@@ -49,7 +49,7 @@ _PADDING = 0.25  # of the posterior's width, added to the next region on both si
 _LEAST_WIDTH = 0.01  # of a region
 _TAIL = 0.002
 _SEEN = 0.01  # probability of a combination of choices that an interval depends on
-_MOST_RUNS = 8  # whose mean a synthetic target is
+_MOST_RUNS = 8  # that are averaged for a synthetic target
 _CONFIDENCE = 0.99  # of the interval, by Clopper and Pearson, of a covered share
 
 # What is drawn, as the second number of a seed.

@@ -226,7 +226,8 @@ _TOPICS = {
     "rotation": {"torque": "torque"},
     "borehole": {"depth": "depth"},
     "actuator_state": {"electrical_energy": "electrical_energy"},
-    "status": {"depth": "depth", "actuator_power": "actuator_power"},
+    "power": {"actuator_power": "actuator_power"},
+    "status": {"depth": "depth", "actuator_power": "actuator_power"},  # power: before 0.3
 }
 
 Series = dict[str, tuple[np.ndarray, np.ndarray]]  # times [s] and values, by field
@@ -337,11 +338,11 @@ def _read_bag(path: Path) -> Series:
             for kind, columns in _TOPICS.items():
                 for topic in (name for name in topics if name.rpartition("/")[2] == kind):
                     table = bag.arrays(topic)
-                    if not all(name in table for name in ("header.stamp", *columns)):
+                    if "header.stamp" not in table:
                         continue
                     times = table["header.stamp"] / SECOND
                     for name, field in columns.items():
-                        if np.isfinite(table[name]).any():
+                        if name in table and np.isfinite(table[name]).any():
                             series.setdefault(field, (times, table[name]))
     except BagError as error:
         raise ParameterError(str(error)) from None

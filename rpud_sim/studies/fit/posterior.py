@@ -107,7 +107,7 @@ class Emulator:
             if (best == number).any()
         ]
         left = np.take_along_axis(residuals, best[None, None], axis=0)[0]
-        # The points that were left out have the chance of their runs as well.
+        # The points that were left out have the scatter between runs, too.
         own = np.diag(self.chance) / repeat
         deviation = np.sqrt(np.maximum((left**2).mean(axis=0) - own, 0.02 * own + 1e-14))
         correlation = 0.98 * np.atleast_2d(np.corrcoef(left + 1e-15, rowvar=False))
@@ -157,9 +157,9 @@ def _interpolator(unit: np.ndarray, values: np.ndarray, smoothing: float) -> RBF
 class Likelihood:
     """Logarithm of the likelihood of the targets at points; minus infinity where it is unknown.
 
-    The error of a figure has three parts: the tolerance of its target, the chance of the runs whose
-    mean the target is, and the emulator's own error. The parts of data show its chance as well, so
-    the greater of both counts.
+    The error of a figure has three parts: the tolerance of its target, the scatter between its
+    averaged runs, and the error of the emulator. Parts of data also show a scatter; the greater of
+    both counts.
     """
 
     def __init__(self, emulator: Emulator, targets: tuple[FitTarget, ...]) -> None:
@@ -209,7 +209,7 @@ class Likelihood:
 class Posterior:
     """Sampled posterior distribution for one combination of choices."""
 
-    shares: np.ndarray  # equally probable points, shape (samples, unknowns)
+    shares: np.ndarray  # samples, shape (samples, unknowns)
     log_likelihood: np.ndarray  # at each
     log_evidence: float = -math.inf  # logarithm of the mean likelihood between all bounds
     likelihood: Likelihood | None = None
@@ -297,7 +297,7 @@ def cut_off(
 
 
 def interval_shares(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends of the interval of equally probable points, by column.
+    """Return both ends of the interval of samples, by column.
 
     It is the central one. Where a bound cuts the posterior off, the interval begins at the bound:
     the most probable value may be there.
@@ -313,7 +313,7 @@ def interval_shares(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def identify(
     shares: np.ndarray, unknowns: Mapping[str, Range]
 ) -> tuple[dict[str, Interval], tuple[Ridge, ...]]:
-    """Return what equally probable points determine: intervals, and ridges, the strongest first.
+    """Return what samples determine: intervals, and ridges, the strongest first.
 
     The unknowns are in the columns' order.
     """

@@ -64,10 +64,10 @@ Root mean square of the deviations: {{ fit.misfit_text }}.</p>
 {{ fit.simulations + fit.kept }} runs. The model's figures are means of {{ best_runs }} runs at the
 best point. All numbers are in fit.json.
 {% if not fit.refusal %}
-Intervals hold {{ percent }} of the posterior probability. All values between the bounds were
-equally probable before the fit. The plots show where the posterior is; the bounds may be outside.
-The width is that of the interval over that between the bounds: near 1, the targets say nothing
-about the parameter.
+Intervals contain {{ percent }} of the fitted distribution (posterior). Before the fit all values
+between the bounds were equally probable (flat prior). The plots show the range of the posterior;
+the bounds may be outside. The width is the width of the interval over the distance of the bounds:
+near 1, the targets do not determine the parameter.
 {% endif %}</p>
 </details>
 """
@@ -120,7 +120,7 @@ class Fit:
     best: Mapping[str, Any]  # values of all unknowns at the best point, by name
     comparisons: tuple[TargetComparison, ...]  # by target
     refusal: str  # why there are no intervals; empty if there are
-    shares: np.ndarray  # equally probable points of the posterior over all choices
+    shares: np.ndarray  # samples of the posterior over all choices
     intervals: Mapping[str, Interval]  # of the posterior, by unknown; none if refused
     ridges: tuple[Ridge, ...]  # pairs that the targets determine only together; none if refused
     probabilities: tuple[tuple[Mapping[str, Any], float], ...]  # of the combinations of choices

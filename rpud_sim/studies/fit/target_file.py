@@ -46,21 +46,21 @@ _EFFORT: Mapping[str, Reader] = {
 
 @dataclasses.dataclass(frozen=True)
 class FitTarget:
-    """Figure of the drill that the fit shall reach."""
+    """Result of the drill that the fit must reach."""
 
     measure: Measure  # its counterpart in a run
     value: float  # of the drill, in SI units
     tolerance: float  # one standard deviation of the value's error [unit of the figure]
-    runs: int = 1  # number of runs whose mean the value is; 1 if it is from one run
-    # that the drill had for this target alone, by name
+    runs: int = 1  # number of averaged runs
+    # other values for this target only, by name
     parameters: tuple[tuple[str, Any], ...] = ()
-    hold_out: bool = False  # whether the fit does not see it, and only reports it
+    hold_out: bool = False  # whether the fit does not use it, and only reports it
     source: str = ""  # where the value comes from; may be empty
-    # standard error by chance, from the parts of the data that the value is from; else None
+    # standard error from the scatter between parts of the data; None without data
     sampling: float | None = None
 
     def error(self, spread: float) -> float:
-        """Return the standard deviation of tolerance and chance, from that of single runs."""
+        """Return the standard deviation of tolerance and scatter, from that of single runs."""
         chance = max(spread / math.sqrt(self.runs), self.sampling or 0.0)
         return math.hypot(chance, self.tolerance)
 

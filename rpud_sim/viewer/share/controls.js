@@ -117,7 +117,7 @@ export class Controls {
     element("driven").textContent = `${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}`;
     element("engage").textContent = status.regime === "free" ? "Engage" : "Retract";
     element("engage").dataset.arguments = JSON.stringify({ on: status.regime === "free" });
-    const feeds = Number.isFinite(status.feed_value); // with an arm the weight on bit follows from the feed
+    const feeds = [status.feed_rate, status.feed_position].some(Number.isFinite); // with an arm the weight on bit follows from the feed
     [element("press").hidden, element("feed").hidden] = [feeds, !feeds];
     const weight = status.weight_on_bit;
     if (!Number.isFinite(weight) || weight === this.pressed) return; // what a reader has typed stays

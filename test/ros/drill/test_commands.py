@@ -88,11 +88,13 @@ def test_each_topic_takes_its_commands(commander):
     drive = DriveMessage(enabled=True, voltage=60.0, frequency=17000.0)
     assert commander.give(drive) == Drive(True, 60.0, 17000.0)
     commander.settings = Settings().replace(ARM)
-    assert commander.give(FeedMessage(mode=1, value=0.05)) == Feed("position", 0.05)
+    assert commander.give(FeedMessage(mode=1, position=0.05)) == Feed("position", 0.05)
+    assert commander.give(FeedMessage(mode=1, rate=NAN)) == Feed("position", 0.0)
+    assert commander.give(FeedMessage(rate=1e-3, position=NAN)) == Feed("rate", 1e-3)
     # A command interface that no controller has claimed is no command, also of an idle drill.
     commander.publishers[JointState].publish(JointState(name=[FEED], velocity=[NAN]))
     assert commander.give(JointState(name=[FEED], velocity=[1e-3])) == Feed("rate", 1e-3)
-    assert (commander.inbox.accepted, commander.inbox.rejected) == (4, 0)
+    assert (commander.inbox.accepted, commander.inbox.rejected) == (6, 0)
 
 
 @pytest.mark.parametrize(
@@ -108,11 +110,24 @@ def test_each_topic_takes_its_commands(commander):
             DriveMessage(enabled=True, voltage=500.0, frequency=16e3),
             "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0,",
         ),
-        ("feed", {}, FeedMessage(value=1e-3), "a feed cannot be commanded with feed_model = none"),
+        ("feed", {}, FeedMessage(rate=1e-3), "a feed cannot be commanded with feed_model = none"),
         ("weight_on_bit", ARM, WeightOnBitMessage(force=2.0), "weight_on_bit cannot be commanded"),
+        (
+            *("feed", ARM, FeedMessage(position=0.01)),  # the mode was left out
+            "feed mode = 0 (rate) takes no position, given 0.01 m: a position needs mode = 1",
+        ),
+        (
+            *("feed", ARM, FeedMessage(mode=1, rate=1e-3, position=0.01)),
+            "feed mode = 1 (position) takes no rate, given 0.001 m/s: a rate needs mode = 0",
+        ),
         ("feed", ARM, FeedMessage(mode=2), "feed mode = 2 is not 0 (rate) or 1 (position)"),
-        ("feed", ARM, FeedMessage(value=6e-3), "feed rate = 0.006 m/s is outside its range"),
-        ("feed", ARM, FeedMessage(mode=1, value=0.4), "feed position = 0.4 m is outside its range"),
+        ("feed", ARM, FeedMessage(rate=6e-3), "feed rate = 0.006 m/s is outside its range"),
+        (
+            "feed",
+            ARM,
+            FeedMessage(mode=1, position=0.4),
+            "feed position = 0.4 m is outside its range",
+        ),
         (
             "weight_on_bit",
             TIMEOUT,

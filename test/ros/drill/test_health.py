@@ -5,14 +5,16 @@ from types import SimpleNamespace
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
+from rpud_msgs.msg import Timing
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.health import StatusReporter, diagnose
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.timeline import Pacer
+from rpud_sim.ros.graph import filled
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
-from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.fields import CommandCounts
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
@@ -22,7 +24,14 @@ SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 OK, WARN, ERROR = (level[0] for level in (DiagnosticStatus.OK, DiagnosticStatus.WARN, b"\2"))
 GIVEN = result_of("weight_on_bit")
-MEASURED = {"lag": 0.0, "lateness_max": 0.003, "duplicates": 0, "blocks": 300, "journal_dropped": 0}
+MEASURED = {
+    "lag": 0.0,
+    "lateness_max": 0.003,
+    "duplicates": 0,
+    "blocks": 300,
+    "messages_dropped": 0,
+    "journal_dropped": 0,
+}
 
 
 def ran(milliseconds=0, *commands, **values):
@@ -37,8 +46,8 @@ def ran(milliseconds=0, *commands, **values):
 
 def diagnosed(run, part, period=0.01, **changes):
     """Give level, text and values of a part of the diagnostics of a run."""
-    status = run.status("running", Bookkeeping(commands_rejected=7)).fields
-    entries = diagnose(run, {**status, **changes}, {**MEASURED, **changes}, period)
+    status = run.status("running", CommandCounts(commands_rejected=7)).fields
+    entries = diagnose(run, {**run.power().fields, **status, **MEASURED, **changes}, period)
     entry = next(entry for entry in entries if entry["name"] == part)
     return entry["level"], entry["message"], {v["key"]: v["value"] for v in entry["values"]}
 
@@ -51,7 +60,7 @@ def diagnosed(run, part, period=0.01, **changes):
         ("timing", {"lateness_max": 0.0101, "period": 0.1}, OK, "on time"),
         ("timing", {"lateness_max": 2.0, "lag": 1.5}, ERROR, "simulation time lags 1.500 s behind"),
         ("commands", {}, OK, "7 refused"),
-        ("commands", {"commanders": 2}, WARN, "2 publishers command at once"),
+        ("commands", {"commanders": 2}, WARN, "2 publishers send commands"),
         ("commands", {"commanders": 2, "commands_discarded": 3}, WARN, "3 discarded"),
         ("commands", {"commands_lost": True}, ERROR, "commands are lost: the drill is made safe"),
         ("drill", {}, OK, "running"),
@@ -149,9 +158,12 @@ def test_status_and_diagnostics_tell_of_the_drill(drill):
         "regime": "drilling",
         "impacts": str(status["impacts"]),
         "vibration_amplitude [m]": f"{status['vibration_amplitude']:g}",
-        "actuator_temperature [K]": "293.15",
+        "actuator_temperature [degC]": "20",
     }
     assert {key: values[key] for key in expected} == expected
+    # Nothing that this drill does not have.
+    assert not {"feed_rate [m/s]", "depth [m]", "coupling_power [W]"} & values.keys()
+    assert {*filled(Timing(), report.timing).get_fields_and_field_types()} == {*report.timing}
 
 
 def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):

@@ -317,7 +317,7 @@ def test_a_reset_that_cannot_be_leaves_the_step_that_goes_on(make, tmp_path):
     drill = make(scenario=str(scenario))
     step = drill.step(PERIOD)
     scenario.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
-    with pytest.raises(ParameterError, match=r"scenario\.yaml:1: hard_rock cannot be honoured"):
+    with pytest.raises(ParameterError, match=r"scenario\.yaml:1: hard_rock is not possible"):
         drill.reset(time=True, state=True, seed=5)
     assert drill.timeline.goal == PERIOD
     drill.finish_step()

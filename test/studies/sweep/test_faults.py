@@ -173,7 +173,7 @@ FEED = [{"time": 0.1, "feed": {"rate": 1e-4}}]
         ({"faults": [{"kind": "choking"}, {"kind": "choking", "severities": [0.1]}]}, "in one en"),
         (
             {"faults": [{"kind": "resonance_drift"}]},
-            "cases.chalk: faults: resonance_drift-1: resonance_drift cannot be honoured: it needs",
+            "cases.chalk: faults: resonance_drift-1: resonance_drift is not possible: it needs",
         ),
         ({"cases": {"a b": {}}}, "'a b' is no name of a case"),
         ({"cases": {"a": {"rock_model": "none"}}}, "cases.a: rock_model is among fixed as well"),

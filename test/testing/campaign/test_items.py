@@ -56,15 +56,15 @@ def test_a_drill_that_fails_says_nothing_about_the_system_under_test(pytester):
     pytester.makefile(".yaml", arm=CAMPAIGN)
     pytester.makeconftest("""
         import pytest
-        from rpud_sim.testing.drill import Drill
+        from rpud_sim.testing.drill import LockstepDrill
 
-        step = Drill.step
+        step = LockstepDrill.step
 
         def fail(drill, seconds):
             drill._process.process.kill()
             return step(drill, seconds)
 
-        Drill.step = fail
+        LockstepDrill.step = fail
 
         @pytest.hookimpl(wrapper=True)
         def pytest_runtest_makereport(item, call):
