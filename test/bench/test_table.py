@@ -43,7 +43,7 @@ def test_the_figures_of_the_page_are_those_of_the_kept_results():
 
 
 def test_every_missed_goal_is_explained():
-    explained = PAGE.read_text(encoding="utf-8").partition("What misses its goal")[2]
+    explained = PAGE.read_text(encoding="utf-8").partition("Which parts miss their goals")[2]
 
     for part in read_parts(SHOWN):
         if any(each.missed for each in part.rows):
