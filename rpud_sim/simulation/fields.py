@@ -57,6 +57,17 @@ def header_fields(topic: str, stamp: Any) -> Fields:
     return {"stamp": time_fields(stamp), "frame_id": TOPICS[topic].frame}
 
 
+def prefixed(fields: Fields, prefix: str) -> Fields:
+    """Fields of a message of ``TOPICS`` whose frame and joints begin with a prefix, or columns."""
+    if not prefix:
+        return fields
+    header = fields["header"]
+    named: Fields = {"header": {**header, "frame_id": prefix + header["frame_id"]}}
+    if "name" in fields:
+        named["name"] = [prefix + joint for joint in fields["name"]]
+    return {**fields, **named}
+
+
 def stamp_of(fields: Fields) -> Any:
     """Stamp in the header of a message [ns], or of columns."""
     stamp = fields["header"]["stamp"]

@@ -33,7 +33,7 @@ def test_feed_plots_and_hole_of_an_arm(drill, page_of):
         page.until("!document.querySelector('#feed').hidden")
         page.tab.fill("#rate", "-1")
         page.tab.get_by_role("button", name="Feed", exact=True).click()
-        client.until(lambda: client.status.feed_value == pytest.approx(-1e-3))
+        client.until(lambda: client.status.feed_rate == pytest.approx(-1e-3))
         until_screen(page, "screen.seen.hole?.layers[0].name === 'sandstone'")
         text_has(page, "#section", "sandstone")
         for title in ("torque", "feed and mount", "force of the arm on the mount"):

@@ -60,15 +60,15 @@ class DrillNode(ManagedNode):
     ) -> None:
         super().__init__(NAME, **options)
         try:
-            self._set_up(duration, start)
+            self._set_up(duration, start, options.get("cli_args") or ())
         except BaseException:
             super().destroy_node()  # or the topic of its transitions would stay in the graph
             raise
 
-    def _set_up(self, duration: float | None, start: Start | None) -> None:
+    def _set_up(self, duration: float | None, start: Start | None, words: Sequence[str]) -> None:
         self.loop = PacingLoop()
         self._start = start
-        self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)
+        self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed, words)
         scenario_of(self.settings)  # a file that is missing ends the start, not the activation
         begin = start.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
@@ -238,7 +238,7 @@ def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
     with StopRequest(with_parent) as stop, running_ros(ros_arguments):
         try:
             try:
-                node = DrillNode()
+                node = DrillNode(cli_args=list(ros_arguments))
             except RuntimeError as error:  # of rcl
                 raise StartError(str(error)) from error
             spin(node, stop)

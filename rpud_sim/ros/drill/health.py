@@ -19,7 +19,7 @@ from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.fields import CommandCounts, header_fields, time_fields
+from rpud_sim.simulation.fields import CommandCounts, header_fields, prefixed, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
@@ -243,9 +243,11 @@ class StatusReporter:
             **{name: self._measured[name] for name in _TIMING},
             "messages_dropped": self._publishers.dropped,
         }
+        prefix = run.settings.frame_prefix
+        measured_timing = Batch.of(run.time, "timing", prefixed(timing, prefix))
         # The status last: who gets it finds the others.
-        self._publishers.publish([power, Batch.of(run.time, "timing", timing), status])
-        self._inbox.publish_results(self._publishers, run.origin + run.time)
+        self._publishers.publish([power, measured_timing, status])
+        self._inbox.publish_results(self._publishers, run.origin + run.time, prefix)
         simulation = run.simulation
         self.last = Report(
             time=run.time,

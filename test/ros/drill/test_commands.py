@@ -258,6 +258,14 @@ def test_a_command_to_joints_feeds_is_none_or_is_refused(message, feed):
     assert "\n" not in str(refused.value)
 
 
+def test_commands_to_the_joints_of_another_drill_are_none_of_this_one():
+    message = JointState(name=[FEED, f"left_{FEED}", f"right_{ROTATION}"], velocity=[1.0, 1e-3])
+    assert joints_to_feed(message, "left_") == Feed("rate", 1e-3)
+    assert joints_to_feed(message, "right_") is None
+    with pytest.raises(ParameterError, match="left_rpud_rotation cannot be commanded; of the "):
+        joints_to_feed(JointState(name=[f"left_{ROTATION}"], velocity=[1.0]), "left_")
+
+
 class Log(list):
     warning = list.append
 
