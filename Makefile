@@ -15,6 +15,7 @@ STARTS ?= 500
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
 LOCK := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros,wheels).lock
+REST := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros_,)rest.lock
 
 # Python compiles a module when it is first imported: pip would do it for all, most of which are never imported here.
 PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --no-compile
@@ -30,7 +31,7 @@ MAKEFLAGS += --jobs=2
 
 ##@ Use
 .PHONY: setup
-setup: install/.package install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
+setup: install/.package .venv/.rest install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
 	@echo "Ready: 'make run' drills, 'source env.bash' puts rpud into this shell, 'make help' lists the rest."
 
 .PHONY: run
@@ -46,7 +47,7 @@ picture: install/.package install/.kernels .venv/.browser ## Make docs/images ag
 
 ##@ Develop
 .PHONY: test
-test: install/.package install/.kernels ## Run the tests of every change, with real nodes over DDS; PYTEST_ARGS passes on options
+test: install/.package .venv/.rest install/.kernels ## Run the tests of every change, with real nodes over DDS; PYTEST_ARGS passes on options
 	@$(WITH_ENV) python -m pytest -n auto --dist worksteal $(PYTEST_ARGS)
 
 # An empty mark selects the extended tests as well.
@@ -68,7 +69,7 @@ test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## R
 	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) $(PYTEST_ARGS)
 
 .PHONY: mutants
-mutants: install/.package install/.kernels ## Break the engine and the examples' supervisor in known ways: tests must find each
+mutants: install/.package .venv/.rest install/.kernels ## Break the engine and the examples' supervisor in known ways: tests must find each
 	@$(WITH_ENV) python -m pytest -m "" test/model/test_mutations.py && python examples/mutants.py
 
 .PHONY: lint
@@ -81,29 +82,29 @@ format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff check --fix
 
 .PHONY: docs
-docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a warning or a broken link fails
+docs: install/.package .venv/.rest .venv/.docs ## Publish docs/ as pages in build/docs; a warning or a broken link fails
 	@$(WITH_ENV) export PYTHONPATH="$$PWD/.venv/docs:$$PYTHONPATH" && \
 	  python -m sphinx --builder html --jobs auto --fresh-env --fail-on-warning --keep-going --quiet docs build/docs
 	@echo "Pages: build/docs/index.html"
 
 .PHONY: reference
-reference: install/.package ## Write the tables of docs/reference that follow from the code and the messages
+reference: install/.package .venv/.rest ## Write the tables of docs/reference that follow from the code and the messages
 	@$(WITH_ENV) python -m toolchain.reference
 
 .PHONY: dist
-dist: install/.package ## Build wheels of both packages into dist/, for each CPython found or for PYTHONS
+dist: install/.package .venv/.rest ## Build wheels of both packages into dist/, for each CPython found or for PYTHONS
 	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)
 
 .PHONY: release
-release: install/.package install/.kernels ## Make and check all files of a release in build/release: wheels, sources, ROS packages; publish nothing
+release: install/.package .venv/.rest install/.kernels ## Make and check all files of a release in build/release: wheels, sources, ROS packages; publish nothing
 	@$(WITH_ENV) python -m toolchain.release
 
 .PHONY: bench
-bench: install/.package install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
+bench: install/.package .venv/.rest install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
 .PHONY: validation
-validation: install/.package install/.kernels ## Run the paper's numbers and write docs/explanation/validation.md
+validation: install/.package .venv/.rest install/.kernels ## Run the paper's numbers and write docs/explanation/validation.md
 	@$(WITH_ENV) python -m validation
 
 .PHONY: measure-setup
@@ -111,38 +112,38 @@ measure-setup: ## Clone into a new folder and print the time of each stage from 
 	@toolchain/measure_setup.sh
 
 .PHONY: campaign
-campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
+campaign: install/.package .venv/.rest ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
 	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python tools/busy.py -- python -m pytest -m "" test/testing/campaign/test_repeat.py
 
 .PHONY: starts
-starts: install/.package install/.kernels ## Start a node under test STARTS times (500), in two ways, beside four busy loops: no first command is lost
+starts: install/.package .venv/.rest install/.kernels ## Start a node under test STARTS times (500), in two ways, beside four busy loops: no first command is lost
 	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" test/testing/test_starts.py
 
 .PHONY: kills
-kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
+kills: install/.package .venv/.rest ## Kill KILLS recordings (1000) at random moments, and recover each
 	@$(WITH_ENV) python -m tools.kills --count $(KILLS) && \
 	  python -m tools.kills --count $(KILLS) --max-loss 1 --live
 
 .PHONY: soak
 soak: DURATION = 1800
-soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
+soak: install/.package .venv/.rest ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
 	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
 
 .PHONY: fuzz
 fuzz: N = 100000
 fuzz: BAGS = 20000
 fuzz: SEED = 0
-fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
+fuzz: install/.package .venv/.rest ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
 	@$(WITH_ENV) python -m tools.fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
 .PHONY: signatures
-signatures: install/.package ## Print the table of fault signatures
+signatures: install/.package .venv/.rest ## Print the table of fault signatures
 	@$(WITH_ENV) python test/helpers/fault_signatures.py
 
 .PHONY: random-sets
 random-sets: SETS = 400
 random-sets: SEED = 0
-random-sets: install/.package ## Simulate SETS random parameter sets (400) over the whole ranges: none may hang
+random-sets: install/.package .venv/.rest ## Simulate SETS random parameter sets (400) over the whole ranges: none may hang
 	@$(WITH_ENV) RPUD_SETS=$(SETS) RPUD_SEED=$(SEED) python -m pytest -m "" -n auto test/model/test_random_sets.py
 
 .PHONY: lock
@@ -174,7 +175,13 @@ help: ## Show this help
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
 
-.venv/.lint: toolchain/requirements/lint.lock .venv/.installed
+# What tests, studies, exports and comparisons need, and a drill does not.
+.venv/.rest: $(REST) .venv/.installed
+	@echo "Installing packages of tests and studies into .venv ..."
+	@$(call INSTALL,--only-binary :all: -r $<)
+	@touch $@
+
+.venv/.lint: toolchain/requirements/lint.lock .venv/.rest
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
@@ -183,7 +190,7 @@ help: ## Show this help
 	@if command -v npm > /dev/null; then mkdir -p .venv/typescript && cp toolchain/typescript/package*.json .venv/typescript && \
 	  npm ci --prefix .venv/typescript --ignore-scripts --no-audit --no-fund --silent && touch $@; fi
 
-.venv/.browser: toolchain/requirements/browser.lock .venv/.installed
+.venv/.browser: toolchain/requirements/browser.lock .venv/.rest
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
@@ -200,17 +207,20 @@ help: ## Show this help
 	@touch $@
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)
+	@echo "Building the messages ..."
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 
 # What is up to date already is found and left. A kernel comes from the sources of the model, and from those that call it.
 install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
+	@echo "Compiling the model ..."
 	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.precompile
 	@touch $@
 
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
+	@echo "Building the package ..."
 	@$(COLCON_BUILD) rpud_sim
 	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@

@@ -3,7 +3,7 @@
 # ROS_AUTOMATIC_DISCOVERY_RANGE but LOCALHOST: docs/security.md says which sockets a process opens.
 
 _rpud_env() {
-  local file
+  local file where= before="${ROS_DOMAIN_ID:-} ${ROS_AUTOMATIC_DISCOVERY_RANGE:-}"
   # Only bash and zsh know which file they source; each has a notation that other shells do not parse.
   if [ -n "${BASH_VERSION:-}" ]; then
     eval 'file="${BASH_SOURCE[0]}"'
@@ -25,6 +25,13 @@ _rpud_env() {
   fi
   _rpud_source "$_rpud_root/install/local_setup" || return 1
   _rpud_prepend PATH "$_rpud_root/install/rpud_sim/lib/rpud_sim"
+  # A Foxglove in another terminal would see nothing, and not say why.
+  if [ -t 2 ] && [ "$before" != "$ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE" ]; then
+    case "$ROS_AUTOMATIC_DISCOVERY_RANGE" in
+      SYSTEM_DEFAULT | LOCALHOST) where=", on this machine only" ;;
+    esac
+    echo "rpud_sim: ROS_DOMAIN_ID is $ROS_DOMAIN_ID$where: source env.bash in every terminal that shall see the drill" >&2
+  fi
 }
 
 _rpud_env

@@ -15,12 +15,10 @@ URL = manifest.findtext("url")
 # Ubuntu's setuptools does not know the later form.
 LICENSE = "license_expression" if int(version.partition(".")[0]) >= 77 else "license"
 readme = Path("README.md")  # colcon links only to the package
-# Outside of the repository a relative link leads nowhere.
-README = re.sub(
-    r'(\]\(|src="|srcset=")(?!https?:)',
-    rf"\1{URL}/blob/main/",
-    readme.read_text(encoding="utf-8") if readme.exists() else "",
-)
+# Outside of the repository a relative link leads nowhere; a picture needs the address of its file.
+README = readme.read_text(encoding="utf-8") if readme.exists() else ""
+for start, place in ((r"(?<!!)\[[^]]*\]\(", "blob"), (r'!\[[^]]*\]\(|src="|srcset="', "raw")):
+    README = re.sub(rf"({start})(?!https?:|#)", rf"\1{URL}/{place}/main/", README)
 
 # ROS 2 Jazzy as wheels, as toolchain/requirements/ros.in pins them.
 ROS = [

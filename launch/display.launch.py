@@ -31,8 +31,10 @@ def display(context: LaunchContext) -> list[Node]:
     feed, rotation = (
         IfCondition(LaunchConfiguration(name)).evaluate(context) for name in ("feed", "rotation")
     )
-    urdf = robot_description(share / "urdf", feed, rotation)
-    settings = {"use_sim_time": LaunchConfiguration("use_sim_time")}
+    prefix = LaunchConfiguration("frame_prefix").perform(context)
+    urdf = robot_description(share / "urdf", feed, rotation, prefix)
+    sim_time = LaunchConfiguration("use_sim_time").perform(context)
+    settings = [{"use_sim_time": sim_time == "true"}] if sim_time else []
     log_level = ["--log-level", LaunchConfiguration("log_level")]
     layout = ["--display-config", str(share / "config" / "display.rviz")]
     return [
@@ -40,7 +42,7 @@ def display(context: LaunchContext) -> list[Node]:
             package="robot_state_publisher",
             executable="robot_state_publisher",
             namespace=LaunchConfiguration("namespace"),
-            parameters=[settings, {"robot_description": ParameterValue(urdf, value_type=str)}],
+            parameters=[*settings, {"robot_description": ParameterValue(urdf, value_type=str)}],
             ros_arguments=log_level,
             output="screen",
         ),
@@ -49,8 +51,8 @@ def display(context: LaunchContext) -> list[Node]:
             executable="rviz2",
             namespace=LaunchConfiguration("namespace"),
             # On a feed the drill moves: seen from itself, the rail would.
-            arguments=[*layout, *(["--fixed-frame", "rpud_rail"] if feed else [])],
-            parameters=[settings],
+            arguments=[*layout, "--fixed-frame", prefix + ("rpud_rail" if feed else "rpud_base")],
+            parameters=settings,
             ros_arguments=log_level,
             condition=IfCondition(LaunchConfiguration("rviz")),
             output="screen",
@@ -82,7 +84,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             # A node whose package is missing ends the launch, and the nodes before it may go on.
             OpaqueFunction(function=find_packages),
-            # Declares namespace, config, log_level and use_sim_time for all that follows too.
+            # Declares namespace, files, parameters, log_level and use_sim_time for what follows.
             IncludeLaunchDescription(
                 PathJoinSubstitution([FindPackageShare("rpud_sim"), "launch", "drill.launch.py"])
             ),

@@ -1,26 +1,38 @@
-"""Start the drill: `ros2 launch rpud_sim drill.launch.py`."""
+"""Start the drill: `ros2 launch rpud_sim drill.launch.py weight_on_bit:=20`."""
 
+from difflib import get_close_matches
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.events.process import ProcessExited
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.logging import get_logger
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.simulation.configuration import PARAMETERS
+
+DEFAULT = "drilling.yaml"
 
 
-def parameter_file(given: str) -> Path:
-    """Return the file of `config`: a path, or a name in the package's `config` folder.
+def parameter_files(context: LaunchContext) -> list[Path]:
+    """Return the files of `config` and `params_file`, or the default drill.
 
     The error of a missing one ends the launch: launch itself would start the drill without it.
     """
-    folder = Path(get_package_share_directory("rpud_sim"), "config")
-    for path in (Path(given), folder / given):
-        if path.is_file():
-            return path
-    raise FileNotFoundError(f"config: there is no file {given}, neither here nor in {folder}")
+    share = Path(get_package_share_directory("rpud_sim"), "config")
+    folders = {"config": (Path(), share), "params_file": (Path(),)}
+    files = []
+    for name, places in folders.items():
+        given = LaunchConfiguration(name).perform(context)
+        found = [folder / given for folder in places if (folder / given).is_file()]
+        if given and not found:
+            where = f"neither here nor in {share}" if name == "config" else "here"
+            raise FileNotFoundError(f"{name}: there is no file {given}, {where}")
+        files += found[:1]
+    return files or [share / DEFAULT]
 
 
 def end_with_drill(event: ProcessExited, context: LaunchContext) -> list[Shutdown]:
@@ -30,24 +42,52 @@ def end_with_drill(event: ProcessExited, context: LaunchContext) -> list[Shutdow
     return [Shutdown(reason="the drill has ended")]
 
 
+def warn_of_others(context: LaunchContext) -> None:
+    """Warn of arguments that look like a parameter: launch ignores what nobody declares.
+
+    It is no error, for a launch file that includes this one may have arguments of its own.
+    """
+    names = [*PARAMETERS, "namespace", "config", "params_file", "log_level", "use_sim_time"]
+    for name, value in context.launch_configurations.items():
+        close = get_close_matches(name, names, 1, 0.85)
+        if close and name not in names:
+            text = f"{name}:={value} is no argument of the drill; did you mean {close[0]}?"
+            get_logger("drill.launch.py").warning(text)
+
+
 def start_drill(context: LaunchContext) -> list[Node]:
-    """Return the drill node; its parameter file is found first."""
-    config = parameter_file(LaunchConfiguration("config").perform(context))
+    """Return the drill node; its parameter files are found first."""
+    warn_of_others(context)
+    files = parameter_files(context)
+    given = {name: LaunchConfiguration(name).perform(context) for name in PARAMETERS}
+    given["use_sim_time"] = LaunchConfiguration("use_sim_time").perform(context)
+    parameters = [f"{name}:={value}" for name, value in given.items() if value]
     return [
         Node(
             package="rpud_sim",
             executable="drill_node",
             namespace=LaunchConfiguration("namespace"),
-            parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
             arguments=["--with-parent"],  # or it would go on when launch is killed
             ros_arguments=[
-                *("--params-file", str(config)),
+                *(word for path in files for word in ("--params-file", str(path))),
+                *(word for each in parameters for word in ("-p", each)),
                 *("--log-level", LaunchConfiguration("log_level")),
             ],
             output="screen",
             on_exit=end_with_drill,
         )
     ]
+
+
+def parameter_arguments() -> list[DeclareLaunchArgument]:
+    """Declare each parameter of the drill; without a value, that of the parameter file counts."""
+    found = []
+    for name, declaration in PARAMETERS.items():
+        allowed = declaration.allowed
+        unit = f" [{allowed.unit}]" if isinstance(allowed, Quantity) and allowed.unit else ""
+        text = f"{allowed.description}{unit}"
+        found.append(DeclareLaunchArgument(name, default_value="", description=text))
+    return found
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -60,11 +100,16 @@ def generate_launch_description() -> LaunchDescription:
                 description="Namespace of the nodes and of their topics",
             ),
             DeclareLaunchArgument(
+                "params_file",
+                default_value="",
+                description="ROS parameter file, which may be that of a whole robot",
+            ),
+            DeclareLaunchArgument(
                 "config",
-                default_value=PathJoinSubstitution(
-                    [FindPackageShare("rpud_sim"), "config", "drilling.yaml"]
-                ),
-                description="Parameter file of the drill, a path or a name in the package",
+                default_value="",
+                description="Parameter file in the config folder of the package, or a path; "
+                f"{DEFAULT} without both files. params_file goes before it, a value by name before "
+                "both",
             ),
             DeclareLaunchArgument(
                 "log_level",
@@ -74,10 +119,11 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "use_sim_time",
-                default_value="false",
-                choices=["true", "false"],
+                default_value="",
+                choices=["", "true", "false"],
                 description="Whether the nodes take the time from /clock",
             ),
+            *parameter_arguments(),
             OpaqueFunction(function=start_drill),
         ]
     )

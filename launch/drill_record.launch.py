@@ -3,7 +3,12 @@
 from datetime import datetime
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    Shutdown,
+)
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -18,6 +23,32 @@ def end_with_recorder(event: ProcessExited, context: LaunchContext) -> list[Shut
     if event.returncode != 0:
         raise RuntimeError(f"the recorder failed with exit code {event.returncode}")
     return [Shutdown(reason="the recorder has ended")]
+
+
+def start_recorder(context: LaunchContext) -> list[Node]:
+    """Return the recorder, with the time that the drill has."""
+    params_file = LaunchConfiguration("params_file").perform(context)
+    sim_time = LaunchConfiguration("use_sim_time").perform(context)
+    return [
+        Node(
+            package="rpud_sim",
+            executable="recorder",
+            namespace=LaunchConfiguration("namespace"),
+            arguments=[
+                "--with-parent",
+                *("--out", LaunchConfiguration("bag")),
+                *("--compression", LaunchConfiguration("compression")),
+                *("--max-loss", LaunchConfiguration("max_loss")),
+            ],
+            ros_arguments=[
+                *(["--params-file", params_file] if params_file else []),
+                *(["-p", f"use_sim_time:={sim_time}"] if sim_time else []),
+                *("--log-level", LaunchConfiguration("log_level")),
+            ],
+            output="screen",
+            on_exit=end_with_recorder,
+        )
+    ]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -40,24 +71,10 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="1.0",
                 description="Seconds of messages that a crash may cost at most",
             ),
-            # Declares namespace, config, log_level and use_sim_time for all that follows too.
+            # Declares namespace, files, parameters, log_level and use_sim_time for what follows.
             IncludeLaunchDescription(
                 PathJoinSubstitution([FindPackageShare("rpud_sim"), "launch", "drill.launch.py"])
             ),
-            Node(
-                package="rpud_sim",
-                executable="recorder",
-                namespace=LaunchConfiguration("namespace"),
-                arguments=[
-                    "--with-parent",
-                    *("--out", LaunchConfiguration("bag")),
-                    *("--compression", LaunchConfiguration("compression")),
-                    *("--max-loss", LaunchConfiguration("max_loss")),
-                ],
-                parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
-                ros_arguments=["--log-level", LaunchConfiguration("log_level")],
-                output="screen",
-                on_exit=end_with_recorder,
-            ),
+            OpaqueFunction(function=start_recorder),
         ]
     )

@@ -15,6 +15,7 @@ from ament_index_python.packages import (
     get_package_prefix,
 )
 
+from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.testing import launcher
 
 pytestmark = pytest.mark.extended
@@ -34,6 +35,11 @@ def calls(path: Path, name: str) -> list[ast.Call]:
     ]
 
 
+def name_of(call: ast.Call) -> str | None:
+    """Return the literal name of an argument; None if the file computes it."""
+    return call.args[0].value if isinstance(call.args[0], ast.Constant) else None
+
+
 def keyword(call: ast.Call, name: str) -> str | None:
     """Return the literal that a call gives to a keyword."""
     return next((ast.literal_eval(k.value) for k in call.keywords if k.arg == name), None)
@@ -47,20 +53,18 @@ def strings(path: Path) -> set[str]:
 
 def declared(path: Path) -> set[str]:
     """Return the arguments that a launch file declares, itself or by including another."""
-    own = {call.args[0].value for call in calls(path, "DeclareLaunchArgument")}
-    included = [other for other in LAUNCH_FILES if other.name in strings(path)]
+    own = {name_of(call) for call in calls(path, "DeclareLaunchArgument")}
+    if None in own:  # in a loop over the parameters
+        own = {*own, *PARAMETERS} - {None}
+    included = [each for each in LAUNCH_FILES if each != path and each.name in strings(path)]
     return own.union(*map(declared, included))
 
 
 @every_launch_file
 def test_what_is_used_is_declared_and_described(path):
     for call in calls(path, "DeclareLaunchArgument"):
-        assert keyword(call, "description"), call.args[0].value
-    used = {
-        call.args[0].value
-        for call in calls(path, "LaunchConfiguration")
-        if isinstance(call.args[0], ast.Constant)
-    }
+        assert any(word.arg == "description" for word in call.keywords), name_of(call)
+    used = {name_of(call) for call in calls(path, "LaunchConfiguration")} - {None}
     assert used <= declared(path)
     assert {"namespace", "log_level"} <= used
 
@@ -87,7 +91,8 @@ def test_launch_description_can_be_built(path):
     spec.loader.exec_module(module)
     description = module.generate_launch_description()
     arguments = {argument.name for argument in description.get_launch_arguments()}
-    assert {call.args[0].value for call in calls(path, "DeclareLaunchArgument")} <= arguments
+    assert declared(path) <= arguments
+    assert "params_file" not in arguments or arguments >= set(PARAMETERS)
 
 
 @pytest.fixture
@@ -127,10 +132,26 @@ def test_display_starts_nothing_where_a_package_is_missing(launch):
     assert left_behind(launched) == []
 
 
+def test_a_drill_has_the_parameters_of_its_file_and_those_that_are_given_by_name(launch, tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text(
+        "/**: {ros__parameters: {max_speed: 3.0, seed: 5}}\n"
+        "/left/drill_node: {ros__parameters: {regime: free, weight_on_bit: 3.0}}\n"
+    )
+    words = (f"params_file:={path}", "weight_on_bit:=2.5", "frame_prefix:=left_")
+    launched = launch("drill.launch.py", "namespace:=left", "wieght_on_bit:=9", *words)
+    line = "wieght_on_bit:=9 is no argument of the drill; did you mean weight_on_bit"
+    launched.wait_for_line(re.escape(line))
+    launched.wait_for_line("left out, not parameters of the drill: max_speed")
+    launched.wait_for_line("drilling: regime free, weight on bit 2.5 N")
+    launched.interrupt()
+    assert launched.wait() == 0
+
+
 def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
     (tmp_path / "bad.yaml").write_text("/**:\n  ros__parameters: {gravity: -1.0}\n")
     bag = tmp_path / "bag"
-    launched = launch("drill_record.launch.py", f"config:={tmp_path}/bad.yaml", f"bag:={bag}")
+    launched = launch("drill_record.launch.py", f"params_file:={tmp_path}/bad.yaml", f"bag:={bag}")
     assert launched.wait() == 1
     assert "gravity = -1 m/s^2 is outside its range" in launched.output
     assert "the drill failed with exit code 2" in launched.output

@@ -104,3 +104,15 @@ def test_pip_installs_the_commands_and_the_configuration(plain_install):
     assert (share / "urdf" / "rpud.urdf").is_file()
     configuration = {path.name for path in (share / "config").iterdir()}
     assert configuration == {path.name for path in (ROOT / "config").iterdir()}
+
+
+@pytest.mark.extended
+def test_links_of_the_description_lead_to_pages_and_pictures_to_files(plain_install):
+    (metadata,) = plain_install.rglob("rpud_sim-*.dist-info/METADATA")
+    found = set(re.findall(r'(?:\]\(|src="|srcset=")([^)"]+)', metadata.read_text()))
+    pictures = {link for link in found if link.endswith((".svg", ".png", ".webp"))}
+    assert len(pictures) > 3
+    assert [link for link in pictures if "/raw/main/docs/images/" not in link] == []
+    pages = found - pictures
+    assert pages
+    assert [link for link in pages if "/blob/main/" not in link] == []

@@ -9,21 +9,27 @@ lock() { # OUTPUT OPTION|INPUT...
     --no-binary empy --custom-compile-command "make lock" --output-file "$@"
 }
 
-lock installer.lock --universal --python-version 3.10 installer.in
-lock wheels.lock --universal --python-version 3.10 --constraints installer.lock \
-  runtime.in test.in build.in ros.in
-lock installed_ros.lock --python-version 3.12 --python-platform x86_64-manylinux_2_28 --constraints installer.lock \
-  runtime.in test.in build.in installed_ros.in
-lock browser.lock --universal --python-version 3.10 --constraints wheels.lock browser.in
-lock lint.lock --universal --python-version 3.10 --constraints wheels.lock lint.in
-lock docs.lock --universal --python-version 3.10 docs.in
+beside() { # LOCK OUTPUT OPTION|INPUT...: without what LOCK installs already
+  local base="$1" left_out
+  shift
+  left_out=($(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' "$base"))
+  lock "$@" --constraints "$base" "${left_out[@]/#/--no-emit-package=}"
+}
 
-# Without what wheels.lock installs already.
-left_out=($(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' wheels.lock))
-lock optional.lock --universal --python-version 3.10 --constraints wheels.lock --no-annotate \
-  "${left_out[@]/#/--no-emit-package=}" optional.in
+# `make run` installs wheels.lock or installed_ros.lock, all other targets the rest as well.
+universal=(--universal --python-version 3.10)
+ubuntu=(--python-version 3.12 --python-platform x86_64-manylinux_2_28)
+lock installer.lock "${universal[@]}" installer.in
+lock wheels.lock "${universal[@]}" --constraints installer.lock --constraints test.in drill.in build.in ros.in
+beside wheels.lock rest.lock "${universal[@]}" extras.in test.in
+lock installed_ros.lock "${ubuntu[@]}" --constraints installer.lock --constraints test.in drill.in build.in installed_ros.in
+beside installed_ros.lock installed_ros_rest.lock "${ubuntu[@]}" extras.in test.in
+lock browser.lock "${universal[@]}" --constraints wheels.lock --constraints rest.lock browser.in
+lock lint.lock "${universal[@]}" --constraints wheels.lock --constraints rest.lock lint.in
+lock docs.lock "${universal[@]}" docs.in
+beside wheels.lock optional.lock "${universal[@]}" --constraints rest.lock --no-annotate optional.in
 
 # Conditions that hold on every supported machine would only make the lines long.
 sed -i -E "s/ and (python_full_version < '3.14'|platform_python_implementation != 'PyPy')//
   s/(python_full_version < '3.14'|implementation_name == 'cpython'|platform_machine == 'x86_64') and //g
-  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,browser,lint,docs,optional}.lock
+  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,rest,browser,lint,docs,optional}.lock

@@ -1,34 +1,39 @@
 """A robot arm in MuJoCo presses the drill into two layers of rock, meets a jam and lets go.
 
-    pip install mujoco matplotlib rpud_sim
-    python press.py
+    python press.py [SECONDS]
 
-Both simulators advance by the same step. In each one
-
-1. the place of the mount along the drill axis goes from MuJoCo to the drill;
-2. the drill advances, with a mount that is carried to this place;
-3. the mean force and the torque on the mount in this step go to MuJoCo, which then advances.
-
-So force and motion belong to the same step, and the place of the mount is one step old.
+prints the depth, and where the time goes. README.md tells how both exchange motion and force.
 """
 
 from __future__ import annotations
 
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from matplotlib.figure import Figure
 
 import rpud_sim
 
 STEP = 0.001  # of the exchange [s]
 SURFACE = 0.2665  # height of the mount at which the tool just touches the rock [m]
 WEIGHT, RETREAT = 20.0, -15.0  # force of the arm along the drill axis, toward the rock [N]
-ABOVE = -0.004  # place at which it waits after a jam [m]
+ABOVE, HOLD = -0.02, 3000.0  # place at which it waits after a jam [m], and how stiffly [N/m]
+JAM = 15.0  # time of the jam [s]
 SILENCE = 0.3  # without an impact, which is a jam [s]
 CHALK = 0.0025  # depth at which the limestone begins [m]
-LAYERS = [{"depth_from": 0.0, "rock": "chalk"}, {"depth_from": CHALK, "rock": "limestone"}]
+JOINTS = ("shoulder", "elbow", "forearm", "wrist")
+# What the drill is: its mount is carried by another simulator.
+DRILL = {
+    "feed_model": "given",
+    "feed_rate_limit": 1.0,
+    "rotation_model": "friction_drive",
+    "strata": f"{{layers: [{{depth_from: 0, rock: chalk}}, "
+    f"{{depth_from: {CHALK}, rock: limestone}}]}}",
+}
 
 
 class Arm:
@@ -39,84 +44,96 @@ class Arm:
         self.model.opt.timestep = step
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = -0.45, 0.9, 0.4, 0.72  # the mount is above the rock, and looks down
-        mujoco.mj_forward(self.model, self.data)
         self.torques = np.zeros(4)  # of the joints [N m]
-        self._x = float(self.data.site("mount").xpos[0])  # that it keeps [m]
+        self._jacobian, self._turning = np.zeros((3, 4)), np.zeros((3, 4))
+        self._look()
+        self._x = float(self._site.xpos[0])  # that it keeps [m]
+
+    def _look(self) -> None:
+        """Compute what follows from the positions and velocities of the joints."""
+        mujoco.mj_step1(self.model, self.data)
+        self._site = self.data.site("mount")
+        mujoco.mj_jacSite(self.model, self.data, self._jacobian, self._turning, self._site.id)
 
     @property
     def place(self) -> float:
         """Place of the mount along the drill axis; zero where the tool touches the rock [m]."""
-        return SURFACE - float(self.data.site("mount").xpos[2])
+        return SURFACE - float(self._site.xpos[2])
+
+    @property
+    def rate(self) -> float:
+        """Rate of this place, toward the rock [m/s]."""
+        return -float(self._jacobian[2] @ self.data.qvel)
 
     def step(self, weight: float, force: float, torque: float) -> None:
         """Press with a weight [N], under force [N] and torque [N m] of the drill on the mount."""
-        model, data, site = self.model, self.data, self.data.site("mount")
-        jacobian, turning = np.zeros((3, 4)), np.zeros((3, 4))
-        mujoco.mj_jacSite(model, data, jacobian, turning, model.site("mount").id)
-        speed, rate = jacobian @ data.qvel, turning @ data.qvel
-        pitch = np.arctan2(-site.xmat[6], site.xmat[0]) - np.pi / 2  # off the drill axis [rad]
-        push = np.array([4000.0 * (self._x - site.xpos[0]) - 200.0 * speed[0], 0.0, -weight])
+        place, jacobian, turning = self._site, self._jacobian, self._turning
+        speed, rate = jacobian @ self.data.qvel, turning @ self.data.qvel
+        pitch = np.arctan2(-place.xmat[6], place.xmat[0]) - np.pi / 2  # off the drill axis [rad]
+        push = np.array([4000.0 * (self._x - place.xpos[0]) - 200.0 * speed[0], 0.0, -weight])
         push[2] -= 400.0 * speed[2]
         turn = np.array([0.0, -80.0 * pitch - 8.0 * rate[1], 0.0])
-        self.torques = data.qfrc_bias + jacobian.T @ push + turning.T @ turn - 0.5 * data.qvel
-        drill = np.array([0.0, 0.0, force]), np.array([0.0, 0.0, -torque])
-        data.qfrc_applied[:] = self.torques + jacobian.T @ drill[0] + turning.T @ drill[1]
-        mujoco.mj_step(model, data)
+        self.torques = self.data.qfrc_bias + push @ jacobian + turn @ turning
+        self.torques -= 0.5 * self.data.qvel
+        self.data.qfrc_applied[:] = self.torques + force * jacobian[2] - torque * turning[2]
+        mujoco.mj_step2(self.model, self.data)
+        self._look()
 
 
-def fly(duration: float = 20.0, jam: float = 15.0, step: float = STEP) -> dict[str, np.ndarray]:
-    """Drill, with a jam after some seconds; return what happened in each step, by name."""
-    arm = Arm(step)
-    drill = rpud_sim.Drill(
-        # The arm is MuJoCo's: the drill's own carries the mount rigidly to the place it is given.
-        feed_model="arm",
-        arm_stiffness=0.0,
-        anchoring_force=1000.0,
-        feed_rate_limit=1.0,
-        initial_feed=arm.place,
-        rotation_model="friction_drive",
-        strata=str({"layers": LAYERS}),
-    )
-    rows: list[tuple[float, ...]] = []
-    weight, impacts, struck = WEIGHT, 0, np.inf
-    for number in range(round(duration / step)):
-        if number == round(jam / step):
+class Answer(NamedTuple):
+    """What the drill says at the end of a step."""
+
+    time: float  # [s]
+    reacting_force: float  # on the mount, away from the rock [N]
+    torque: float  # on the mount, about the axis toward the rock [N m]
+    impacts: int  # on the drill tool so far
+    depth: float  # of the hole [m]
+
+
+# Takes place [m] and rate [m/s] of the mount at the beginning of a step.
+Exchange = Callable[[float, float], Answer]
+
+
+def drill_here(start: float, step: float = STEP, jam: float = JAM) -> Exchange:
+    """Return the exchange with a drill in this process, from a place of the mount on [m]."""
+    drill = rpud_sim.Drill(**DRILL, initial_feed=start)
+
+    def exchange(place: float, rate: float) -> Answer:
+        if abs(drill.time - jam) < 0.5 * step:
             drill.inject("free_mass_jammed")
-        drill.feed(position=arm.place)
-        time = drill.step(step)
-        status = drill.status
-        if status.impacts > impacts and status.depth > 0.0:
-            struck = time
-        impacts = status.impacts
-        if time - struck > SILENCE:  # it lets go, and stops above the rock
-            weight = RETREAT if arm.place > ABOVE else 0.0
-        force = drill.reacting_force
-        arm.step(weight, force, drill.torque)
-        rows.append((time, arm.place, force, status.depth, impacts, *arm.torques))
-    names = ("time", "place", "reacting_force", "depth", "impacts", *("shoulder", "elbow"))
-    return dict(zip((*names, "forearm", "wrist"), np.array(rows).T, strict=True))
+        drill.move(place, rate)
+        now, status = drill.step(step), drill.status
+        return Answer(now, drill.reacting_force, drill.torque, status.impacts, status.depth)
+
+    return exchange
 
 
-def plot(flight: dict[str, np.ndarray]) -> Figure:
-    """Return a figure of reacting force, joint torques and depth."""
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    force, torques, depth = figure.subplots(3, sharex=True)
-    force.plot(flight["time"], flight["reacting_force"], lw=0.5)
-    force.set_ylabel("reacting force [N]")
-    for name in ("shoulder", "elbow", "forearm", "wrist"):
-        torques.plot(flight["time"], flight[name], lw=0.7, label=name)
-    torques.set_ylabel("joint torque [N m]")
-    torques.legend(loc="upper right", ncols=4)
-    depth.plot(flight["time"], 1e3 * flight["depth"], label="hole")
-    depth.axhline(1e3 * CHALK, color="gray", ls=":", label="limestone")
-    depth.set_ylabel("depth [mm]")
-    depth.set_xlabel("time [s]")
-    depth.legend()
-    return figure
+def fly(arm: Arm, exchange: Exchange, duration: float = 20.0) -> dict[str, np.ndarray]:
+    """Drill, and let go of a jam; return what happened in each step, by name."""
+    rows: list[tuple[float, ...]] = []
+    weight, last, struck, waited = WEIGHT, 0, np.inf, 0.0
+    for _ in range(round(duration / arm.model.opt.timestep)):
+        place, asked = arm.place, time.perf_counter()
+        answer = exchange(place, arm.rate)
+        waited += time.perf_counter() - asked
+        if answer.impacts > last and answer.depth > 0.0:
+            struck = answer.time
+        last = answer.impacts
+        if answer.time - struck > SILENCE:  # it lets go, and waits above the rock
+            weight = max(RETREAT, HOLD * (ABOVE - place))
+        arm.step(weight, answer.reacting_force, answer.torque)
+        rows.append((*answer, arm.place, waited, *arm.data.qpos, *arm.torques))
+    names = (*Answer._fields, "place", "waited", *(f"{name}_angle" for name in JOINTS), *JOINTS)
+    return dict(zip(names, np.array(rows).T, strict=True))
 
 
 if __name__ == "__main__":
-    flown = fly()
-    plot(flown).savefig("mujoco_arm.png", dpi=100)
+    duration = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
+    arm = Arm()
+    exchange = drill_here(arm.place, jam=0.75 * duration)
+    begun, worked = time.perf_counter(), time.process_time()
+    flown = fly(arm, exchange, duration)
+    took, worked = time.perf_counter() - begun, time.process_time() - worked
+    share = flown["waited"][-1] / took
     print(f"hole {1e3 * flown['depth'][-1]:.2f} mm, {flown['impacts'][-1]:.0f} impacts")
-    print(f"mount at the end {1e3 * flown['place'][-1]:.1f} mm; mujoco_arm.png written")
+    print(f"{duration:g} s took {worked:.1f} s of a core: {share:.0%} drill, {1 - share:.0%} arm")

@@ -1,4 +1,4 @@
-"""Commands on a running drill: press, drive, feed, engage, faults, time, parameters, echo."""
+"""Commands on a running drill: press, drive, feed, move, engage, faults, time, parameters, echo."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
 from rpud_sim.cli.program import CommandError, ExitCode
 from rpud_sim.foundation.json_text import finite_values, json_text
-from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
+from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional, required
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 
@@ -124,6 +124,18 @@ def _drive(drill: DrillClient, off: bool, voltage: float | None, frequency: floa
 def _feed(drill: DrillClient, rate: float | None, position: float | None) -> str:
     drill.feed(rate, position)
     return f"feed: to {position:g} m" if rate is None else f"feed: {rate:g} m/s"
+
+
+@_acting(
+    "move",
+    "--position 0.002",
+    "move the mount of a running drill with feed_model given",
+    position=required("along the drill axis in metres", type=_number, metavar="X"),
+    velocity=option(0.0, "toward the rock in m/s, from there on", type=_number, metavar="V"),
+)
+def _move(drill: DrillClient, position: float, velocity: float) -> str:
+    drill.move(position, velocity)
+    return f"mount: at {position:g} m, {velocity:g} m/s"
 
 
 @_acting(

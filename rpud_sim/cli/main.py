@@ -18,7 +18,7 @@ _MODULES = (
     ("drill", "run", "watch"),
     (
         *("command a running drill", "drill_commands"),
-        "press drive feed engage inject clear pause play step reset set echo",
+        "press drive feed move engage inject clear pause play step reset set echo",
     ),
     ("bags", "bags", "info recover verify"),
     ("bags", "simulate", "fork"),

@@ -149,7 +149,7 @@ def _report_unexpected(program: str, error: Exception) -> ExitCode:
     missing = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
     if missing in _EXTRA_MODULES:
         extra = _EXTRAS.get(program, _STUDIES)
-        reason = f"needs {missing}: pip install 'rpud_sim[{extra}]'"
+        reason = f"needs {missing}: pip install 'rpud_sim[{extra}]', or in a clone make setup"
     elif missing in _BAG_MODULES:
         reason = f"needs {missing}: pip install {' '.join(_BAG_MODULES)}"
     elif missing and not missing.startswith("rpud_sim"):

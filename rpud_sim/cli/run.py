@@ -83,10 +83,11 @@ _READY = "recording\n"  # that the recorder prints when it records
     allow_duplicate=option(
         False, "start even if a drill of the same name runs; both answer the same requests"
     ),
+    use_sim_time=option(False, "follow the /clock of another simulator"),
     quiet=option(False, "no live line of rate and forces"),
 )
 def _run(options: Any) -> int:
-    values = parameter_values(options)
+    values = {**parameter_values(options), "use_sim_time": options.use_sim_time}
     rocks = options.config or any(name.startswith(("rock_", "strata")) for name in values)
     if options.watch is not None and not rocks:
         values["strata"] = WATCHED_STRATA
@@ -130,6 +131,12 @@ def drill(
     return ExitCode.DONE if drilled else ExitCode.FAILED
 
 
+def _on_clock(node: DrillNode) -> bool:
+    """Whether its time is that of /clock."""
+    follows: bool = node.get_parameter("use_sim_time").value
+    return follows or node.settings.publish_clock
+
+
 def _drill_and_record(
     node: DrillNode, stop: StopRequest, program: str, record: str, max_loss: float, live: bool
 ) -> ExitCode:
@@ -144,7 +151,7 @@ def _drill_and_record(
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
             # `_missing` compares numbers of messages, which says more than an empty bag.
             *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
-            *(["--use-sim-time"] if node.settings.publish_clock else ()),
+            *(["--use-sim-time"] if _on_clock(node) else ()),
         ),
         errors_apart=True,
     )

@@ -1,4 +1,4 @@
-"""Mount: the feed moves the drill along its axis, and the weight on bit follows."""
+"""Mount: a feed or another simulator moves the drill along its axis; the weight on bit follows."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from rpud_sim.foundation.quantities import (
     choice,
     number,
 )
+from rpud_sim.foundation.time import SECOND
 
 RATE = "rate"
 POSITION = "position"
@@ -50,6 +51,32 @@ STOPPED = Feed(RATE, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
+class MountMotion:
+    """Sample of the motion of a mount that another simulator carries.
+
+    Until the next sample the mount goes on at this velocity: x = position + velocity (t - sampled).
+    """
+
+    position: float  # along the drill axis, toward the rock [m]
+    velocity: float = 0.0  # toward the rock [m/s]
+    sampled: int | None = None  # simulation time of both [ns]; None for when it acts
+
+    def __post_init__(self) -> None:
+        for name, quantity in (("position", FEED_POSITION), ("velocity", FEED_RATE)):
+            value = quantity.check(f"mount {name}", getattr(self, name))
+            object.__setattr__(self, name, value)
+
+    def acting(self, now: int) -> MountMotion:
+        """Return the motion of a sample that acts from now on [ns]; at rest it has no time."""
+        sampled = now if self.sampled is None else self.sampled
+        return dataclasses.replace(self, sampled=sampled if self.velocity else 0)
+
+    def place(self, time: int) -> float:
+        """Place of the mount at a time [ns], where the motion acts [m]."""
+        return self.position + self.velocity * ((time - (self.sampled or 0)) / SECOND)
+
+
+@dataclasses.dataclass(frozen=True)
 class MountParameters(ParameterGroup):
     """Parameters of feed and arm, in SI units.
 
@@ -58,9 +85,9 @@ class MountParameters(ParameterGroup):
 
     feed_model: str = choice(
         "none",
-        ("none", "arm"),
+        ("none", "arm", "given"),
         "none: the weight on bit is commanded; arm: a feed on an arm is commanded, and the weight "
-        "on bit follows",
+        "on bit follows; given: the motion of the mount is commanded, as another simulator has it",
     )
     initial_feed: float = number(
         0.0,
@@ -101,11 +128,21 @@ class MountParameters(ParameterGroup):
                 f"feed_maximum = {self.feed_maximum:g} m"
             )
 
-    def check(self, motion: Feed) -> None:
-        allowed = Quantity("m", "", self.feed_minimum, self.feed_maximum)
-        if motion.mode == RATE:
-            allowed = Quantity("m/s", "", -self.feed_rate_limit, self.feed_rate_limit)
-        allowed.check(f"feed {motion.mode}", motion.value)
+    @property
+    def is_given(self) -> bool:
+        """Whether the motion of the mount is commanded."""
+        return self.feed_model == "given"
+
+    def check(self, motion: Feed | MountMotion) -> None:
+        limits = {
+            POSITION: Quantity("m", "", self.feed_minimum, self.feed_maximum),
+            RATE: Quantity("m/s", "", -self.feed_rate_limit, self.feed_rate_limit),
+        }
+        if isinstance(motion, Feed):
+            limits[motion.mode].check(f"feed {motion.mode}", motion.value)
+        else:
+            limits[POSITION].check("mount position", motion.position)
+            limits[RATE].check("mount velocity", motion.velocity)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,8 +191,12 @@ class Advance(NamedTuple):
     lead_force: float = 0.0
 
 
+# In place of the arm, where the mount is given: it is rigid, and its host never slips.
+_CARRIED = Arm(0.0, 1.0, 0.0, 1e12)
+
+
 class Mount:
-    """Mount of the drill on a feed.
+    """Mount of the drill on a feed, or carried by another simulator.
 
     The load spring is compressed by what mount and hole leave it: W = k_1 (x - p). The tool gets
     into the rock where x is beyond the bottom p of the hole, and leaves it ``contact_release``
@@ -175,7 +216,10 @@ class Mount:
             0.5 * parameters.arm_play,
             parameters.anchoring_force,
         )
-        self.motion = STOPPED
+        self.motion: Feed | MountMotion = STOPPED
+        if parameters.is_given:
+            self._arm = _CARRIED
+            self.motion = MountMotion(parameters.initial_feed)
         # The arm has come to rest under the load spring before time zero.
         self.position = self._feed = start = parameters.initial_feed
         self.in_contact = has_rock and start > 0.0
@@ -215,13 +259,14 @@ class Mount:
 
     def step(
         self,
+        time: int,
         interval: float,
         bottom: float,
         percussion: Percussion,
         spring_rate: float,
         disturbances: Disturbances,
     ) -> None:
-        """Move for one step, to a hole whose bottom [m] is infinite if there is none.
+        """Move to a time [ns] in one step, to a hole whose bottom [m] is infinite without one.
 
         The arm moves under the hole and the feed of the step before; then both have moved.
         """
@@ -234,10 +279,16 @@ class Mount:
         if disturbances.arm_slip_rate:
             slip = self._slip - disturbances.arm_slip_rate * interval
             self._host_work += self._shift(load, self._feed, slip)
-        feed = self._next_feed(interval, disturbances.feed_stalled)
+        feed = self._next_feed(time, interval, disturbances.feed_stalled)
         self._rate = (feed - self._feed) / interval
         if feed != self._feed:
+            start = self.position
             self._feed_work += self._shift(load, feed, self._slip)
+            # What moves the mount itself moves it against the damping of the load spring, too.
+            carried = self.position - start
+            dragged = damping * (carried / interval) * carried
+            self._feed_work += dragged
+            self._drill_work += dragged
         way = self.position - position
         if not self.in_contact:
             way = (self.position - self._feed) - deflection
@@ -264,14 +315,17 @@ class Mount:
         self._slip_loss += slip
         self._drill_work += work + share * damper
 
-    def _next_feed(self, interval: float, stalled: bool) -> float:
-        """Position of the feed's drive after a step [m]."""
+    def _next_feed(self, time: int, interval: float, stalled: bool) -> float:
+        """Position of the feed's drive, or of what carries the mount, after a step [m]."""
         feed, motion = self._feed, self.motion
         if stalled or motion is STOPPED:
             return feed
         least, greatest = self._limits
         most = self._parameters.feed_rate_limit * interval
-        wanted = feed + motion.value * interval if motion.mode == RATE else motion.value
+        if isinstance(motion, MountMotion):
+            wanted = motion.place(time)
+        else:
+            wanted = feed + motion.value * interval if motion.mode == RATE else motion.value
         wanted = least if wanted < least else greatest if wanted > greatest else wanted
         if wanted < feed - most:
             return feed - most

@@ -119,7 +119,7 @@ class Process:
             if bottom < math.inf:
                 bottom = borehole.bottom
         if mount:
-            mount.step(interval, bottom, percussion, spring_rate, disturbances)
+            mount.step(self.next_step, interval, bottom, percussion, spring_rate, disturbances)
         self._time = self.next_step
         interval = self.interval // self._parts
         self.next_step += interval - self.next_step % interval

@@ -67,7 +67,7 @@ for _tag, _pattern, _first in (
 ):
     _Loader.add_implicit_resolver(_tag, re.compile(_pattern), list(_first))
 # Words that are truth values where one is expected; elsewhere off is a kind of fault.
-_TRUTH_WORDS = {"yes": True, "on": True, "no": False, "off": False}
+_TRUTH_WORDS = {"yes": True, "y": True, "on": True, "no": False, "n": False, "off": False}
 
 # PyYAML raises these as well: for a text that does not fit its tag, or is nested too deeply.
 _PYYAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)

@@ -25,6 +25,7 @@ from rpud_sim.simulation.changes import (
     in_order,
     journal_form,
 )
+from rpud_sim.simulation.commands import COMMAND_NAMES
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.plan import Journal, Plan, Start
 from rpud_sim.simulation.run import Run
@@ -33,7 +34,7 @@ from rpud_sim.simulation.topics import offered_topics
 # Parameters of a node that a live fork may have otherwise, for they change no bit.
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
 
-COMMAND_KINDS = ("weight_on_bit", "drive", "feed")  # of the journal's entries
+COMMAND_KINDS = tuple(COMMAND_NAMES.values())  # of the journal's entries
 
 
 @dataclass(frozen=True)

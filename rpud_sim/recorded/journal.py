@@ -202,7 +202,9 @@ def wrong_header(entries: Sequence[RecordedEntry]) -> WrongHeader | None:
     entry of the same time sets, for they are published together.
     """
     before: list[int] = []
-    frame = TOPICS["journal"].frame
+    begun = entries[0].entry.content.get("parameters") if entries else None
+    prefix = begun.get("frame_prefix", "") if isinstance(begun, Mapping) else ""
+    frame = f"{prefix}{TOPICS['journal'].frame}"
     for time, group in groupby(entries, lambda each: each.entry.time):
         together = list(group)
         origins = [e.entry.content["origin"] for e in together if e.entry.kind == "origin"]

@@ -156,6 +156,7 @@ class ReplayOptions:
         type=remapping,
         metavar="OLD:=NEW",
     )
+    namespace: str = namespace_option("namespace of the replayer; topics keep their names")
     start_paused: bool = option(False, "wait at the beginning until resumed")
     wait_for_subscribers: bool = option(
         False,

@@ -215,13 +215,22 @@ _FEED = ("rpud_feed", "rpud_rail")
 _ROTATION = ("rpud_rotation", "rpud_bit")
 
 
-def robot_description(folder: Path, feed: bool = False, rotation: bool = False) -> str:
-    """Return the URDF of the drill with the joints of the models that are on."""
+def robot_description(
+    folder: Path, feed: bool = False, rotation: bool = False, prefix: str = ""
+) -> str:
+    """Return the URDF of the drill with the joints of the models that are on.
+
+    Names of its links and joints begin with the prefix.
+    """
     text = (folder / "rpud.urdf").read_text(encoding="utf-8")
-    if not (feed or rotation):
+    if not (feed or rotation or prefix):
         return text
     robot = ElementTree.fromstring(text)
     wanted = {*(_FEED if feed else ()), *(_ROTATION if rotation else ())}
     more = ElementTree.fromstring((folder / "rpud_feed.urdf").read_text(encoding="utf-8"))
     robot.extend(part for part in more if part.get("name") in wanted)
+    for part in (*robot.findall("link"), *robot.findall("joint")):
+        part.set("name", prefix + part.get("name", ""))
+        for end in (*part.findall("parent"), *part.findall("child")):
+            end.set("link", prefix + end.get("link", ""))
     return ElementTree.tostring(robot, encoding="unicode")

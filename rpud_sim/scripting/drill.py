@@ -15,7 +15,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of, check_number
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import parameter_changes
-from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan
@@ -164,6 +164,11 @@ class Drill:
             self._command(Feed(RATE, check_number("rate", rate)))
         else:
             self._command(Feed(POSITION, check_number("position", position)))
+
+    def move(self, position: float, velocity: float = 0.0) -> None:
+        """Command the motion of a given mount: place [m] and velocity [m/s], from now on."""
+        place, rate = check_number("position", position), check_number("velocity", velocity)
+        self._command(MountMotion(place, rate))
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""

@@ -175,6 +175,9 @@ class DrillRun:
             figures["penetration_rate"] = run.simulation.depth / statistics.duration
         if statistics.account is not None:
             figures["energy_account"] = statistics.account.to_dict()
+            if statistics.feed is not None:
+                work = statistics.account.weight_on_bit_work
+                figures["feed_account"] = statistics.feed.to_dict(work)
         return figures
 
     def __getitem__(self, topic: str) -> Columns:

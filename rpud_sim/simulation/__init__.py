@@ -27,7 +27,7 @@ from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Change, Clear, Configure, Inject
-from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Applied, Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -82,6 +82,7 @@ __all__ = [
     "Journal",
     "JournalEntry",
     "Member",
+    "MountMotion",
     "MountParameters",
     "MountState",
     "ParameterError",

@@ -9,7 +9,14 @@ from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, check_names
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.simulation.commands import Command, Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.commands import (
+    Command,
+    Drive,
+    DriveChange,
+    Feed,
+    MountMotion,
+    WeightOnBit,
+)
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration
 from rpud_sim.simulation.faults import Fault
 
@@ -58,9 +65,7 @@ class Flush:
     ends: bool = False  # whether the run ends here
 
 
-Action = (
-    WeightOnBit | Drive | DriveChange | Feed | Inject | Clear | Configure | SetOrigin | Stop | Flush
-)
+Action = Command | DriveChange | Inject | Clear | Configure | SetOrigin | Stop | Flush
 
 
 @dataclasses.dataclass(frozen=True)
@@ -193,6 +198,7 @@ _KINDS: Mapping[type, str] = {
     Drive: "drive",
     DriveChange: "drive",
     Feed: "feed",
+    MountMotion: "mount",
     Inject: "inject",
     Clear: "clear",
     Configure: "configure",
@@ -220,10 +226,18 @@ def whole_time(value: Any) -> int:
     return value
 
 
+def _sample_time(value: Any) -> int:
+    """Return the time of a sample, which may be before the run [ns]."""
+    return -whole_time(-value) if type(value) is int and value < 0 else whole_time(value)
+
+
 _ACTIONS: Mapping[str, Callable[[Mapping[str, Any]], Action]] = {
     "weight_on_bit": lambda content: WeightOnBit(content["force"]),
     "drive": lambda content: Drive(content["enabled"], content["voltage"], content["frequency"]),
     "feed": lambda content: Feed(content["mode"], content["value"]),
+    "mount": lambda content: MountMotion(
+        content["position"], content["velocity"], _sample_time(content["sampled"])
+    ),
     "inject": lambda content: Inject(Fault(**content["fault"]), whole_time(content["duration"])),
     "clear": lambda content: Clear(
         content["number"], content.get("kind", ""), content.get("channel", "")

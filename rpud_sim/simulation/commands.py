@@ -6,6 +6,7 @@ import dataclasses
 
 from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.drilling.mount import Feed as Feed
+from rpud_sim.drilling.mount import MountMotion as MountMotion
 from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.model.parameters import QUANTITIES
 
@@ -66,8 +67,15 @@ class DriveChange:
         )
 
 
-Command = WeightOnBit | Drive | Feed
-COMMAND_NAMES = {WeightOnBit: "weight_on_bit", Drive: "drive", Feed: "feed"}  # as in ``Applied``
+Command = WeightOnBit | Drive | Feed | MountMotion
+COMMAND_NAMES = {  # as in ``Applied``
+    WeightOnBit: "weight_on_bit",
+    Drive: "drive",
+    Feed: "feed",
+    MountMotion: "mount",
+}
+
+_RESTING = MountMotion(0.0, sampled=0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,3 +91,5 @@ class Applied:
     drive_time: int
     feed: Feed = STOPPED
     feed_time: int = 0
+    mount: MountMotion = _RESTING
+    mount_time: int = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from rpud_sim.foundation.quantities import (
     check_names,
     declarations,
     flag,
+    listed,
     number,
     quantity_in,
     shown,
@@ -33,9 +34,10 @@ from rpud_sim.foundation.schema import read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Command, Drive, Feed
+from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion
 
 _LEAST_REAL_TIME_FACTOR = 0.01
+_FRAME_PREFIX = re.compile(r"([A-Za-z][\w/-]*)?", re.ASCII)
 
 # A resonant vibration needs at least this modal mass, as a multiple of the free mass: blows would
 # turn a lighter one about, for which the model has no contact.
@@ -110,7 +112,7 @@ class Configuration(ParameterGroup):
 
     @property
     def has_feed(self) -> bool:
-        """Whether a feed is commanded, and the weight on bit follows."""
+        """Whether a feed or the mount's motion is commanded, and the weight on bit follows."""
         return self.mount.feed_model != "none"
 
     def check(self, command: Command) -> None:
@@ -127,14 +129,16 @@ class Configuration(ParameterGroup):
                     f"vibration_amplitude at drive voltage {command.voltage:g} V",
                     self.parameters.vibration_amplitude * ratio,
                 )
-        elif isinstance(command, Feed):
-            if not self.has_feed:
-                raise ParameterError("a feed cannot be commanded with feed_model = none")
+        elif isinstance(command, Feed | MountMotion):
+            given, model = isinstance(command, MountMotion), self.mount.feed_model
+            if model != ("given" if given else "arm"):
+                what = "the motion of the mount" if given else "a feed"
+                raise ParameterError(f"{what} cannot be commanded with feed_model = {model}")
             self.mount.check(command)
         elif self.has_feed:
             raise ParameterError(
                 f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
-                "it follows from the feed"
+                f"it follows from the {'mount' if self.mount.is_given else 'feed'}"
             )
 
 
@@ -194,6 +198,14 @@ class Settings(ParameterGroup):
     block_duration: float = number(
         0.05, "s", "length of a block of waveform and trajectory", 1e-3, 1.0
     )
+    frame_prefix: str = text(
+        "",
+        "letters, digits, _ / -",
+        "what names of frames and joints begin with, such as left_",
+    )
+    publish_robot_description: bool = flag(
+        False, "whether the node publishes the URDF of the drill on robot_description"
+    )
     scenario: str = text("", "a path", "file of the faults that begin by themselves; none if empty")
     seed: int = number(
         0,
@@ -210,6 +222,11 @@ class Settings(ParameterGroup):
             raise ParameterError(
                 f"real_time_factor = {self.real_time_factor:g} is neither 0, as fast as possible, "
                 f"nor at least {_LEAST_REAL_TIME_FACTOR:g}"
+            )
+        if not _FRAME_PREFIX.fullmatch(self.frame_prefix):
+            raise ParameterError(
+                f"frame_prefix = {shown(self.frame_prefix)} is no beginning of a frame's name: "
+                "letters, digits, _, / and -, a letter first"
             )
         if self.block_duration * self.telemetry_rate < 1.0:
             raise ParameterError(
@@ -306,6 +323,42 @@ _PARAMETERS = {name: declaration.allowed for name, declaration in PARAMETERS.ite
 OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.", "qos_overrides")
 
 
+class ParameterFile:
+    """Parameters that a ROS parameter file has for a node, by its full name.
+
+    Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.
+    Of two that fit the node the later one counts. One without a namespace fits the node in each.
+    A section for several nodes may have parameters of others.
+    """
+
+    def __init__(self, path: str | Path, node: str) -> None:
+        whole = open_yaml(path)
+        sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
+        for name, parameters in _sections(whole):
+            sections.setdefault(name, []).append(parameters)
+        self.values: dict[str, Any] = {}
+        self.of_ros: list[str] = []  # names of given parameters that ROS itself declares
+        self.foreign: list[str] = []  # names of those of other nodes
+        own = [name for name in sections if _is_of(name, node)]
+        others = ", ".join(map(shown_name, sections)) or "no ros__parameters"
+        # Error if nothing is for the node.
+        self.missing = None if own else whole.error(f"nothing is for {node}: the file has {others}")
+        for name in own:
+            for each in sections[name]:
+                self.values.update(read(self._of_drill(name, each), _PARAMETERS))
+
+    def _of_drill(self, section: str, cursor: Cursor) -> Cursor:
+        kept, several = {}, "*" in section.rpartition("/")[2]
+        for name, each in cursor.mapping().items():
+            if str(name).startswith(OF_ROS):
+                self.of_ros.append(str(name))
+            elif several and name not in _PARAMETERS:
+                self.foreign.extend(_names_in(str(name), each.value))
+            else:
+                kept[name] = each.value
+        return dataclasses.replace(cursor, value=kept)
+
+
 def read_parameter_file(
     path: str | Path,
     node: str = f"{NAMESPACE}/drill_node",
@@ -313,38 +366,29 @@ def read_parameter_file(
 ) -> dict[str, Any]:
     """Return what a ROS parameter file has for a node, by its full name.
 
-    Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.
-    Of two that fit the node the later one counts. One without a namespace fits the node in each.
-    Parameters that ROS itself declares are left out. A section for several nodes may have others
-    for them: ``passed`` is called with a line for each.
-    Raise ``ParameterError`` if no section is the node's.
+    ``passed`` is called with a line that names parameters of ROS itself and of other nodes, which
+    are left out. Raise ``ParameterError`` if no section is the node's.
     """
-    whole = open_yaml(path)
-    sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
-    for name, parameters in _sections(whole):
-        sections.setdefault(name, []).append(parameters)
-    found = [(name, each) for name, same in sections.items() if _is_of(name, node) for each in same]
-    if not found:
-        others = ", ".join(map(shown_name, sections)) or "no ros__parameters"
-        raise whole.error(f"nothing is for {node}: the file has {others}")
-    values: dict[str, Any] = {}
-    for section, each in found:
-        values.update(read(_of_drill(section, each, passed), _PARAMETERS))
-    return values
+    file = ParameterFile(path, node)
+    if file.missing:
+        raise file.missing
+    if left_out := [*file.foreign, *file.of_ros]:
+        passed(f"{path}: {not_of_the_drill(left_out)}")
+    return file.values
 
 
-def _of_drill(section: str, cursor: Cursor, passed: Callable[[str], object]) -> Cursor:
-    """Return a section without what belongs to ROS, or to other nodes of a section for many."""
-    kept, several = {}, "*" in section.rpartition("/")[2]
-    for name, each in cursor.mapping().items():
-        if str(name).startswith(OF_ROS):
-            continue
-        if several and name not in _PARAMETERS:
-            line = f"{each.prefix}{shown_name(name)} is not a parameter of the drill: left out"
-            passed(line)
-        else:
-            kept[name] = each.value
-    return dataclasses.replace(cursor, value=kept)
+def not_of_the_drill(names: Iterable[str]) -> str:
+    """Return the line of parameters that belong to ROS or to other nodes."""
+    return f"left out, not parameters of the drill: {listed(set(names))}"
+
+
+def _names_in(name: str, value: Any) -> Iterator[str]:
+    """Yield the names that ROS gives the parameters in nested mappings."""
+    if isinstance(value, Mapping):
+        for key, each in value.items():
+            yield from _names_in(f"{name}.{key}", each)
+    else:
+        yield name
 
 
 def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:

@@ -7,7 +7,14 @@ from typing import Any
 
 from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, WeightOnBit
+from rpud_sim.simulation.commands import (
+    COMMAND_NAMES,
+    Command,
+    Drive,
+    Feed,
+    MountMotion,
+    WeightOnBit,
+)
 from rpud_sim.simulation.simulation import Simulation
 
 
@@ -65,6 +72,8 @@ class Control:
             return
         if isinstance(command, Drive):
             command = command.after(self._given.drive)
+        elif isinstance(command, MountMotion):
+            command = command.acting(self.simulation.time)
         self.simulation.apply(command)
         self._last = self.simulation.time
         given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
@@ -78,7 +87,7 @@ class Control:
         if self.active and overdue > 0:
             share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
         if simulation.configuration.has_feed:
-            simulation.apply(given.feed.reduced(share) if share else STOPPED)
+            simulation.apply(self._motion(share))
         else:
             simulation.apply(WeightOnBit(given.weight_on_bit.force * share))
         if share and given.drive.enabled:
@@ -88,3 +97,12 @@ class Control:
         before = self.commands_lost
         self.commands_lost = self.active and overdue > 0
         return self.commands_lost is not before
+
+    def _motion(self, share: float) -> Feed | MountMotion:
+        """Return what is left of the commanded motion; of less than all, from the present place."""
+        simulation, given = self.simulation, self._given
+        if not simulation.configuration.mount.is_given:
+            return given.feed.reduced(share) if share else STOPPED
+        if share == 1.0 or (mount := simulation.process.mount) is None:
+            return given.mount
+        return MountMotion(mount.position, given.mount.velocity * share)

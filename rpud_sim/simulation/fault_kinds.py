@@ -122,6 +122,11 @@ def _feed(magnitude: float, drill: Configuration) -> str:
     return "" if drill.has_feed else "needs a feed_model, which is none"
 
 
+def _arm(magnitude: float, drill: Configuration) -> str:
+    given = "needs feed_model = arm, which is given: move the mount" if drill.mount.is_given else ""
+    return _feed(magnitude, drill) or given
+
+
 def _hole(magnitude: float, drill: Configuration) -> str:
     there = drill.layers is not None
     return "" if there else "needs strata, or a rotation_model with a rock_model"
@@ -337,11 +342,11 @@ KINDS: dict[str, FaultKind] = {
         effects={"side_walk": operator.add},
     ),
     "feed_stall": FaultKind(
-        "the drive of the feed stops", needs=(_feed,), effects={"feed_stalled": _true}
+        "the drive of the feed stops", needs=(_arm,), effects={"feed_stalled": _true}
     ),
     "arm_slip": FaultKind(
         "the host of the arm slips away from the rock",
-        needs=(_feed,),
+        needs=(_arm,),
         magnitude=_above_zero("m/s", "rate at which the host slips", 0.1),
         default=2e-4,
         effects={"arm_slip_rate": operator.add},

@@ -57,6 +57,17 @@ def header_fields(topic: str, stamp: Any) -> Fields:
     return {"stamp": time_fields(stamp), "frame_id": TOPICS[topic].frame}
 
 
+def prefixed(fields: Fields, prefix: str) -> Fields:
+    """Fields of a message of ``TOPICS`` whose frame and joints begin with a prefix, or columns."""
+    if not prefix:
+        return fields
+    header = fields["header"]
+    named: Fields = {"header": {**header, "frame_id": prefix + header["frame_id"]}}
+    if "name" in fields:
+        named["name"] = [prefix + joint for joint in fields["name"]]
+    return {**fields, **named}
+
+
 def stamp_of(fields: Fields) -> Any:
     """Stamp in the header of a message [ns], or of columns."""
     stamp = fields["header"]["stamp"]
@@ -267,9 +278,9 @@ class CommandCounts:
 
 def status_fields(simulation: Simulation, origin: int, state: str, counts: CommandCounts) -> Fields:
     """Fields of ``rpud_msgs/Status`` that simulation and counts give."""
-    applied = simulation.applied
+    applied, mount = simulation.applied, simulation.configuration.mount
     actuator = simulation.actuator
-    feed = applied.feed if simulation.configuration.has_feed else None
+    feed = applied.feed if mount.feed_model == "arm" else None
     return {
         "header": header_fields("status", origin + simulation.time),
         "state": state,
@@ -285,6 +296,9 @@ def status_fields(simulation: Simulation, origin: int, state: str, counts: Comma
             for mode in FEED_MODES
         },
         "feed_applied": time_fields(origin + applied.feed_time),
+        "mount_position": applied.mount.position if mount.is_given else math.nan,
+        "mount_velocity": applied.mount.velocity if mount.is_given else math.nan,
+        "mount_applied": time_fields(origin + applied.mount_time),
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,

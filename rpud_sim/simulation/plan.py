@@ -36,8 +36,8 @@ class JournalEntry:
 class Journal:
     """Queue of the entries of runs, in order.
 
-    Commands of one time have a fixed order, whichever arrived first: weight on bit, drive and feed
-    do not depend on each other.
+    Commands of one time have a fixed order, whichever arrived first: weight on bit, drive, feed and
+    mount do not depend on each other.
     """
 
     def __init__(self, first: int = 0) -> None:

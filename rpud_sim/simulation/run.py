@@ -32,12 +32,14 @@ from rpud_sim.simulation.fields import (
     faults_fields,
     header_fields,
     journal_fields,
+    prefixed,
     status_fields,
 )
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import RecentEnergy
 from rpud_sim.simulation.telemetry import Stream, Telemetry
+from rpud_sim.simulation.topics import Fields
 
 _UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)
 
@@ -210,7 +212,8 @@ class Run:
 
     def power(self) -> Batch:
         header = header_fields("power", self.origin + self.time)
-        return Batch.of(self.time, "power", {"header": header, **self._recent_energy.powers()})
+        fields = {"header": header, **self._recent_energy.powers()}
+        return self._batch(self.time, "power", fields)
 
     def status(self, state: str = "running", counts: CommandCounts | None = None) -> Batch:
         fields = {
@@ -218,12 +221,12 @@ class Run:
             "commands_lost": self.control.commands_lost,
             "journal_entries": self._journal.count if self._journal is not None else 0,
         }
-        return Batch.of(self.time, "status", fields)
+        return self._batch(self.time, "status", fields)
 
     def entries(self) -> Iterator[Batch]:
         """Yield the journal's entries since the last call."""
         for entry in self._journal.drain() if self._journal is not None else ():
-            yield Batch.of(entry.time, "journal", journal_fields(entry, self.origin))
+            yield self._batch(entry.time, "journal", journal_fields(entry, self.origin))
 
     def _advance(self, until: int, defer: Callable[[Stream], object] | None) -> Iterator[Batch]:
         """Advance by a block, or by a span of many, not beyond a time [ns]."""
@@ -307,7 +310,10 @@ class Run:
         if faults.active is not self._published_faults:
             self._published_faults = faults.active
             fields = faults_fields(faults, self.time, self.origin)
-            yield Batch.of(self.time, "faults", fields)
+            yield self._batch(self.time, "faults", fields)
+
+    def _batch(self, time: int, topic: str, fields: Fields) -> Batch:
+        return Batch.of(time, topic, prefixed(fields, self.settings.frame_prefix))
 
 
 def _made(stream: Stream | None) -> Iterator[Batch]:

@@ -15,7 +15,7 @@ from rpud_sim.foundation.schema import as_it_is, here, key, list_of, one_of, rea
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, in_order
-from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, DriveChange, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, parse_assignment
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
@@ -92,6 +92,16 @@ def _feed(cursor: Cursor) -> Feed:
 
 
 @dataclasses.dataclass(frozen=True)
+class _MountEntry:
+    position: float = key(as_it_is)
+    velocity: float = key(as_it_is, 0.0)
+
+
+def _mount(cursor: Cursor) -> MountMotion:
+    return MountMotion(**vars(read(cursor, _MountEntry)))
+
+
+@dataclasses.dataclass(frozen=True)
 class _CommandEntry:
     """Commands at one time of a command file."""
 
@@ -99,16 +109,19 @@ class _CommandEntry:
     weight_on_bit: WeightOnBit | None = key(lambda cursor: WeightOnBit(cursor.value), None)
     drive: DriveChange | None = key(_drive, None)
     feed: Feed | None = key(_feed, None)
+    mount: MountMotion | None = key(_mount, None)
 
     @property
     def planned(self) -> list[Change]:
         time = round(self.time * SECOND)
-        found = [each for each in (self.weight_on_bit, self.drive, self.feed) if each]
+        found = [each for each in (self.weight_on_bit, self.drive, self.feed, self.mount) if each]
         return [Change(time, command) for command in found]
 
     def __post_init__(self) -> None:
         if not self.planned:
-            raise ParameterError("a command has a weight_on_bit, drive or feed beside its time")
+            raise ParameterError(
+                "a command has a weight_on_bit, drive, feed or mount beside its time"
+            )
 
 
 def parse_commands(listed: Cursor) -> tuple[Change, ...]:

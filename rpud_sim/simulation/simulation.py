@@ -25,6 +25,7 @@ from rpud_sim.simulation.commands import (
     Drive,
     DriveChange,
     Feed,
+    MountMotion,
     WeightOnBit,
 )
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
@@ -71,7 +72,8 @@ class Simulation:
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
         # commands in force, read-only
-        self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
+        rest = MountMotion(configuration.mount.initial_feed).acting(0)
+        self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0, mount=rest)
         self._plant = Plant(configuration, initial_phase, drive, buffers)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
@@ -210,6 +212,8 @@ class Simulation:
         before = self.applied
         if isinstance(command, DriveChange):
             command = command.on(before.drive)
+        elif isinstance(command, MountMotion):
+            command = command.acting(self.time)
         acting = command.after(before.drive) if isinstance(command, Drive) else command
         self.configuration.check(acting)
         kind = COMMAND_NAMES[type(acting)]
@@ -217,7 +221,7 @@ class Simulation:
             return  # a controller may repeat it 100 times a second
         if isinstance(acting, WeightOnBit):
             self._plant.weight_on_bit = acting.force
-        elif isinstance(acting, Feed):
+        elif isinstance(acting, Feed | MountMotion):
             if (mount := self._plant.process.mount) is not None:
                 mount.motion = acting
         else:

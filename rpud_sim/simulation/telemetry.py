@@ -19,6 +19,7 @@ from rpud_sim.simulation.fields import (
     contact_force_fields,
     has_part,
     joint_state_fields,
+    prefixed,
     process_fields,
     sampled_fields,
     stamp_of,
@@ -61,6 +62,7 @@ class Telemetry:
         self._sample_rate = settings.sample_rate
         # Periods of telemetry in one of waveform and trajectory.
         self._stream_period = round(settings.block_duration * rate)
+        self._prefix = settings.frame_prefix
         self._wanted = wanted
         self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
@@ -119,27 +121,29 @@ class Telemetry:
             struck = block.struck.searchsorted(np.arange(len(block.impacts)), side="right")
             fields = contact_force_fields(block.impacts, self.origin)
             times = np.maximum(block.starts[struck], stamp_of(fields) - self.origin)
-            yield _batch("contact_force", struck, times, fields, span)
+            yield self._batch("contact_force", struck, times, fields, span)
         if self._boundary(block.end) is None:
             return
         stamps = self.origin + ends
         samples = block.sample_ends()
         for topic in SAMPLED:
-            yield _batch(topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), span)
+            yield self._batch(
+                topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), span
+            )
         fields = wrench_fields(samples, stamps, block.states)
-        yield _batch("wrench", parts, ends, fields, span)
+        yield self._batch("wrench", parts, ends, fields, span)
         for topic in PROCESS_TOPICS:
             if has_part(block.states, topic):
                 for among, fields in process_fields(topic, block.states, stamps):
-                    yield _batch(topic, parts[among], ends[among], fields, span)
+                    yield self._batch(topic, parts[among], ends[among], fields, span)
         if self._wanted("joint_states"):
             fields = joint_state_fields(samples, stamps, block.states)
-            yield _batch("joint_states", parts, ends, fields, span)
+            yield self._batch("joint_states", parts, ends, fields, span)
         if block.readings:
             powers = self._powers(block)
             if self._wanted("actuator_state"):
                 fields = actuator_state_fields(block.readings, powers, stamps)
-                yield _batch("actuator_state", parts, ends, fields, span)
+                yield self._batch("actuator_state", parts, ends, fields, span)
 
     def _powers(self, block: Block) -> np.ndarray:
         """Return the actuator's mean mechanical power up to the end of each block [W]."""
@@ -185,7 +189,7 @@ class Telemetry:
             samples = join_samples(parts)
             cuts = np.append(cuts[held], cuts[-1])
             fields = waveform_fields(samples, cuts, rate, origin)
-            yield _batch("waveform", groups[held], ends[held], fields, span)
+            yield self._batch("waveform", groups[held], ends[held], fields, span)
         count = int(finished[-1])
         if count and self._wanted("trajectory"):
             yield None
@@ -195,15 +199,16 @@ class Telemetry:
             firsts = firsts[firsts < count]
             periods = np.searchsorted(finished, firsts, side="right")
             fields = trajectory_fields(segments, np.append(firsts, count), first, origin)
-            yield _batch("trajectory", groups[periods], ends[periods], fields, span)
+            yield self._batch("trajectory", groups[periods], ends[periods], fields, span)
 
     def _boundary(self, time: int) -> int | None:
         """Number of the telemetry period that ends at a time [ns], if one does."""
         number = boundaries_until(time, self._telemetry_rate)
         return number if boundary(number, self._telemetry_rate) == time else None
 
-
-def _batch(topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields, span: int) -> Batch:
-    """Return a batch of messages that belong to blocks of a span, by their numbers, ascending."""
-    places = blocks * len(_ORDER) + _ORDER.index(topic) if span else None
-    return Batch(topic, times, fields, span, places)
+    def _batch(
+        self, topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields, span: int
+    ) -> Batch:
+        """Return a batch of messages that belong to blocks of a span, by their numbers."""
+        places = blocks * len(_ORDER) + _ORDER.index(topic) if span else None
+        return Batch(topic, times, prefixed(fields, self._prefix), span, places)

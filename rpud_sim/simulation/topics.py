@@ -71,6 +71,7 @@ COMMAND_TOPICS: Mapping[str, str] = {
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
     "command/drive": "rpud_msgs/msg/Drive",
     "command/feed": "rpud_msgs/msg/Feed",
+    "command/mount": "rpud_msgs/msg/MountMotion",
 }
 # Commands to the feed as ros2_control gives them.
 JOINT_COMMANDS = "joint_commands"

@@ -52,6 +52,7 @@ class HeardTopic(FollowedTopic):
         self.number: int | None = None  # of the latest message, by its publisher
         self.gaps = SequenceGaps(lambda: 1)  # counted where ``numbered``
         self.commands = 0  # that the drill counts, if this is a topic of commands
+        self.frame_prefix = ""  # of the drill's joints
         self.numbered = numbered
         self._changes = changes
         self.payloads: list[bytes] = []
@@ -67,7 +68,7 @@ class HeardTopic(FollowedTopic):
         """Take what has arrived, unstamped at the time [ns]."""
         for payload, info in taken(self.subscription):
             self.note(info["publication_sequence_number"])
-            self.commands += self.kind is not JointState or _commands_feed(payload)
+            self.commands += self.kind is not JointState or self._commands_feed(payload)
             if not self._repeats(payload):
                 self.payloads.append(payload)
                 self.stamps.append(self._stamp(payload, time))
@@ -106,13 +107,13 @@ class HeardTopic(FollowedTopic):
         # Zero is a time of the drill, but no stamp of others.
         return stamp if stamp or self.numbered else time
 
-
-def _commands_feed(payload: bytes) -> bool:
-    """Return whether the drill counts a message to joints, which may command none of its own."""
-    try:
-        return joints_to_feed(deserialize_message(payload, JointState)) is not None
-    except Exception:  # it is refused, which counts too
-        return True
+    def _commands_feed(self, payload: bytes) -> bool:
+        """Return whether the drill counts a message to joints, which may command none of its."""
+        try:
+            message = deserialize_message(payload, JointState)
+            return joints_to_feed(message, self.frame_prefix) is not None
+        except Exception:  # it is refused, which counts too
+            return True
 
 
 class Collector:

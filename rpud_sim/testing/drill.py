@@ -205,6 +205,7 @@ class LockstepDrill(Lockstep):
     press = _noted(DrillClient.press)
     drive = _noted(DrillClient.drive)
     feed = _noted(DrillClient.feed)
+    move = _noted(DrillClient.move)
     engage = _noted(DrillClient.engage)
     inject = _noted(DrillClient.inject)
     clear = _noted(DrillClient.clear)

@@ -17,7 +17,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import to_time
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, TOPICS
 from rpud_sim.testing.collector import Collector, HeardTopic
 from rpud_sim.testing.computed import ComputedDrill, ComputedTopic, check_equal
 from rpud_sim.testing.disturbances import Disturbances
@@ -304,6 +304,8 @@ class Lockstep:
 
         if self._collector.until_complete(lack, _START, self._check):
             raise self._failure(f"has not started within {_START:g} s")
+        frame = status.latest().header.frame_id
+        self._collector.own(JOINT_COMMANDS).frame_prefix = frame.removesuffix(MOUNT_FRAME)
         self._systems.await_connections()
 
     @contextlib.contextmanager

@@ -24,7 +24,7 @@ _CLOSE = 1.0  # longest time between changes that follow each other closely [s]
 _ALONE = 4  # close changes that have entries of their own; further ones share the last entry
 _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
-_LASTING = ("weight_on_bit", "drive", "feed")  # kinds whose value holds until the next one
+_LASTING = ("weight_on_bit", "drive", "feed", "mount")  # kinds whose value holds until the next one
 
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
 
@@ -163,6 +163,10 @@ class Commands:
             case "feed":
                 rate = f"feed at {1e3 * float(content['value']):.4g} mm/s"
                 return COMMAND, rate if content["value"] else "feed holds", {}
+            case "mount":
+                velocity = 1e3 * float(content["velocity"])
+                place = f"mount at {_shown('feed', content['position'])}"
+                return COMMAND, f"{place}, {velocity:.4g} mm/s", {}
             case "configure":
                 before, now = self.parameters, dict(content["parameters"])
                 self.parameters = before | now

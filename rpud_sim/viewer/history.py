@@ -24,7 +24,7 @@ SECTION = 0.02  # length of the motion that a section shows [s]
 MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
 IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
 MOST_FAULTS = 500  # that are shown
-_APPLIED = ("weight_on_bit_applied", "drive_applied", "feed_applied")  # stamps in a status
+_APPLIED = ("weight_on_bit_applied", "drive_applied", "feed_applied", "mount_applied")
 IMPACTS_TYPE = TOPICS["contact_force"].type
 
 _POINT = 2  # width of a part of a band [px]

@@ -31,7 +31,7 @@ def bag(lacking, tmp_path):
 def test_a_command_on_a_bag_names_its_extra(lacking, words, line):
     done = lacking(EXTRAS, *words, BAG)
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"rpud {words[0]}: {line}\n"
+    assert done.stderr == f"rpud {words[0]}: {line}, or in a clone make setup\n"
 
 
 def test_bags_need_no_extra(lacking, bag):
@@ -48,7 +48,8 @@ def test_a_study_names_the_extra_of_all_studies(lacking, command, file):
     (line,) = done.stderr.splitlines()
     missing = line.removeprefix(f"rpud {command}: needs ").partition(":")[0]
     assert missing in EXTRAS
-    assert line == f"rpud {command}: needs {missing}: pip install 'rpud_sim[studies]'"
+    command_line = "pip install 'rpud_sim[studies]', or in a clone make setup"
+    assert line == f"rpud {command}: needs {missing}: {command_line}"
 
 
 def test_without_the_libraries_of_bags_a_command_says_what_to_install(lacking):

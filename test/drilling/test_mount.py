@@ -33,7 +33,7 @@ class Rig:
         for _ in range(steps):
             force = self.mount.preload if reaction is None else reaction
             percussion = Percussion(reacting_force=force, load_damping=self.damping, reach=reach)
-            self.mount.step(DT, self.bottom, percussion, RATE, faults)
+            self.mount.step(0, DT, self.bottom, percussion, RATE, faults)
         return self.state
 
 

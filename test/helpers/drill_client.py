@@ -21,12 +21,12 @@ from rpud_msgs.srv import (
 from std_srvs.srv import SetBool
 from support import PATIENCE, Process
 
-from rpud_sim.ros.drill.publishers import CLOCK, OF_NODE
+from rpud_sim.ros.drill.publishers import CLOCK, DESCRIPTION, OF_NODE
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
-OFFERED = {**TOPICS, **OF_NODE, "/clock": CLOCK}
+OFFERED = {**TOPICS, **OF_NODE, "/clock": CLOCK, "robot_description": DESCRIPTION}
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

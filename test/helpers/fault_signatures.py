@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
-from rpud_sim.simulation.fault_kinds import KINDS, _feed, _hole, _rotation
+from rpud_sim.simulation.fault_kinds import KINDS, _arm, _hole, _rotation
 
 DOCUMENTATION = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"
 SECOND = 1_000_000_000
@@ -48,9 +48,7 @@ BANDS = {
 }
 COLUMNS = tuple(BANDS)
 # Kinds that a drill without rotation, feed and layers cannot have.
-ON_AN_ARM_ALONE = [
-    name for name, kind in KINDS.items() if {_rotation, _feed, _hole} & {*kind.needs}
-]
+ON_AN_ARM_ALONE = [name for name, kind in KINDS.items() if {_rotation, _arm, _hole} & {*kind.needs}]
 ROWS = (ON_AN_ARM_ALONE[0], "choking", *ON_AN_ARM_ALONE[1:])
 
 

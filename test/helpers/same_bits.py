@@ -14,7 +14,7 @@ from pathlib import Path
 import rpud_sim.bag
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.changes import Change, Inject
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.faults import Fault
@@ -43,6 +43,7 @@ DRILLS = {  # parameters, and simulated time [ms]
     "arm before drilling": ({**AGILE, "regime": "free", "initial_feed": 0.01}, 200),
     "slipping arm": ({**AGILE, "anchoring_force": 6.0}, 200),
     "rigid arm": ({**AGILE, "arm_stiffness": 0.0, "bit_wear_rate": 1e-6}, 300),
+    "given mount": ({**AGILE, "feed_model": "given"}, 200),
     "rotor": ({"rotation_model": "friction_drive", "rotor_stall_torque": 0.02, **ROCK}, 200),
 }
 FAULTS = {
@@ -86,6 +87,9 @@ def commands(name: str) -> tuple[Change, ...]:
     values, _ = DRILLS[name]
     if "feed_model" not in values:
         return (Change(5 * MILLISECOND, WeightOnBit(12.0)),)
+    if values["feed_model"] == "given":
+        motions = (MountMotion(0.0041, 0.03), MountMotion(0.006, -0.02, 6 * MILLISECOND))
+        return tuple(Change(5 * n * MILLISECOND, each) for n, each in enumerate(motions, 1))
     planned = [Change(5 * MILLISECOND, Feed("rate", 0.004))]
     if "feed_rate_limit" in values:
         planned += [

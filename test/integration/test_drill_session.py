@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from drill_client import SECOND, TELEMETRY, stamps, steps
@@ -156,3 +157,27 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_and_is_named_at_the_end(
     assert complaint in running.output
     assert "drilled " in running.output
     assert "bag: " not in running.output
+
+
+def test_frames_and_joints_have_their_prefix_and_the_bag_is_proved(tmp_path, capsys):
+    bag = tmp_path / "bag"
+    on = ("feed_model=arm", "rotation_model=friction_drive", "publish_robot_description=true")
+    words = [word for each in (*on, "frame_prefix=left_") for word in ("--set", each)]
+    code, _, errors = run("--duration", 1, "--record", bag, *words)
+    assert code == 0, errors
+    heard = read(bag)
+    described = heard.pop("/rpud/robot_description")
+    frames = {
+        message.header.frame_id
+        for topic, messages in heard.items()
+        if topic.startswith("/rpud/")
+        for message in messages
+        if hasattr(message, "header")
+    }
+    assert frames == {"left_rpud_mount", "left_rpud_nodal_plane", "left_rpud_tool_tip"}
+    robot = ElementTree.fromstring(described[0].data)
+    moving = {each.get("name") for each in robot.findall("joint") if each.get("type") != "fixed"}
+    assert set(heard["/rpud/joint_states"][0].name) == moving
+    assert "left_rpud_feed" in moving
+    assert frames <= {each.get("name") for each in robot.findall("link")}
+    assert called(capsys, "verify", bag)[0] == 0

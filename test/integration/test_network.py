@@ -108,8 +108,7 @@ def test_all_sockets_are_bound_to_loopback_and_the_policy_names_all_that_is_offe
     drill.interrupt()
     assert drill.wait() == 0
 
-    words = ("--clock", "--start-paused", "--ros-args", "-r", "__ns:=/rpud")
-    replayer = process("replayer", tmp_path / "bag", *words)
+    replayer = process("replayer", tmp_path / "bag", "--clock", "--start-paused")
     replayer.wait_for_line("replaying")
     client.until(lambda: "/rpud/replayer/seek" in graph_of(client, "replayer")["service"])
     assert set(sockets(replayer.pid)) == {"127.0.0.1"}

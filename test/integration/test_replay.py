@@ -65,7 +65,7 @@ class Audience(Client):
 
     def ask(self, service, **fields):
         kind = SERVICES.get(service, Trigger)
-        return self.call(kind, f"/replayer/{service}", kind.Request(**fields))
+        return self.call(kind, f"/rpud/replayer/{service}", kind.Request(**fields))
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import rpud_sim.bag
 from rpud_sim.recorded.fork import write_fork
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.recorded.verify import verify
-from rpud_sim.simulation import Feed
+from rpud_sim.simulation import Feed, MountMotion
 from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_ensemble
@@ -23,13 +23,21 @@ FEEDS = (
     Change(123_456_789, Feed("position", 2e-3)),
     Change(250 * MILLISECOND, Feed("rate", -2e-3)),
 )
-PLAN = Plan(Beginning(to_settings(VALUES), 0.3), FEEDS)
+MOTIONS = (
+    Change(0, MountMotion(5e-4, 3e-3)),
+    Change(123_456_789, MountMotion(2e-3)),
+    Change(250 * MILLISECOND, MountMotion(2e-3, -2e-3, sampled=240 * MILLISECOND)),
+)
+PLANS = {
+    "arm": Plan(Beginning(to_settings(VALUES), 0.3), FEEDS),
+    "given": Plan(Beginning(to_settings({**VALUES, "feed_model": "given"}), 0.3), MOTIONS),
+}
 
 
-@pytest.fixture(scope="module")
-def fed(tmp_path_factory):
+@pytest.fixture(scope="module", params=PLANS)
+def fed(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("bags") / "bag"
-    write_offline_bag(path, PLAN, 0.4)
+    write_offline_bag(path, PLANS[request.param], 0.4)
     return path
 
 
@@ -66,9 +74,9 @@ def test_the_walk_of_the_bit_is_recorded_and_proved(tmp_path):
 
 
 def test_the_figures_are_those_of_the_run_in_the_bag():
-    run = Run(PLAN)
+    run = Run(PLANS["arm"])
     list(run.advance_to(400 * MILLISECOND))
-    configuration = PLAN.beginning.settings.configuration
+    configuration = PLANS["arm"].beginning.settings.configuration
     [member] = run_ensemble(configuration, 0.4, [0.3], planned=FEEDS).members
     assert member.figures["depth"] == run.simulation.depth
     assert abs(member.feed.residual(member.account.weight_on_bit_work)) < 1e-12

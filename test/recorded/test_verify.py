@@ -28,7 +28,7 @@ from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import CommandCounts
 from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.topics import TOPICS, offered_topics
+from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS, offered_topics
 
 SECOND = 1_000_000_000
 DURATION = 0.33
@@ -406,8 +406,7 @@ def test_a_recorder_that_came_late_and_has_the_whole_journal_proves_its_bag(late
 
 
 def test_commands_that_the_drill_took_and_the_bag_lacks_are_a_warning(tmp_path, late):
-    topics = ("command/weight_on_bit", "command/drive", "command/feed")
-    verification = verify(streamed_bag(tmp_path / "bag", 100, 3.1, 0.0, topics))
+    verification = verify(streamed_bag(tmp_path / "bag", 100, 3.1, 0.0, tuple(COMMAND_TOPICS)))
     assert verification.proved
     lacking = "the drill took 300 commands from the first to the last status, and the bag holds 0"
     assert lacking in verification.warnings

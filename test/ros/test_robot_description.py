@@ -16,6 +16,21 @@ def moving(robot):
     return {each.get("name") for each in robot.findall("joint") if each.get("type") != "fixed"}
 
 
+def names(robot):
+    """Give every name of a frame or joint in a robot description."""
+    parts = [*robot.findall("link"), *robot.findall("joint")]
+    ends = [*robot.findall("joint/parent"), *robot.findall("joint/child")]
+    return [*(each.get("name") for each in parts), *(each.get("link") for each in ends)]
+
+
+def test_a_prefix_is_in_front_of_every_frame_and_joint():
+    plain, prefixed = (
+        ElementTree.fromstring(robot_description(FOLDER, True, True, prefix))
+        for prefix in ("", "left/")
+    )
+    assert names(prefixed) == [f"left/{name}" for name in names(plain)]
+
+
 @pytest.mark.parametrize("feed", [False, True])
 @pytest.mark.parametrize("rotation", [False, True])
 def test_it_has_the_joints_that_a_drill_publishes(feed, rotation):

@@ -7,7 +7,10 @@ import rpud_sim
 from rpud_sim import testing
 from rpud_sim.ros.client import DrillClient
 
-WORDS = ("press", "drive", "feed", "engage", "inject", "clear", "step", "reset", "set_parameters")
+WORDS = (
+    *("press", "drive", "feed", "move", "engage", "inject", "clear"),
+    *("step", "reset", "set_parameters"),
+)
 
 
 @pytest.mark.parametrize("other", [DrillClient, testing.LockstepDrill])

@@ -147,10 +147,12 @@ def test_a_change_that_cannot_be_is_named(make, given, reason):
         ("comands: []", "'comands' is not a key here; did you mean commands?"),
         (
             "commands: [{time: 1}]",
-            ":1: a command has a weight_on_bit, drive or feed",
+            ":1: a command has a weight_on_bit, drive, feed or mount",
         ),
         ("commands: [{time: 1, drive: {frequency: .nan}}]", "drive frequency = nan"),
         ("commands: [{time: 1, feed: {rate: 1, position: 2}}]", ":1: feed"),
+        ("commands: [{time: 1, mount: {velocity: 1}}]", ":1: position is missing"),
+        ("commands: [{time: 1, mount: {position: 2}}]", "mount position = 2 m is outside"),
     ],
 )
 def test_a_command_file_that_cannot_be_is_named(tmp_path, text, reason):

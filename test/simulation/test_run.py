@@ -22,7 +22,7 @@ from rpud_sim.simulation.changes import (
     SetOrigin,
     Stop,
 )
-from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, DriveChange, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import CommandCounts, stamp_of
@@ -198,6 +198,7 @@ def test_under_watch_the_loss_of_planned_commands_makes_the_drill_safe():
         (Clear(0, "noise", "wrench"), "there is no noise on wrench to clear"),
         (Inject(Fault("feed_stall")), "feed_stall is not possible"),
         (Feed("rate", 1e-3), "feed"),
+        (MountMotion(1e-3), "the motion of the mount"),
         (Configure({"weight_on_bit": -1.0}), "weight_on_bit = -1"),
         (Configure({"no such": 1.0}), "no such"),
     ],

@@ -288,3 +288,13 @@ def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
         6 * SECOND,
     ]
     assert all(len({batch.topic for batch in span}) == len(span) for span in found)
+
+
+def test_each_message_names_its_frame_with_the_prefix():
+    plain, left = (published(started({"frame_prefix": each}), END) for each in ("", "left_"))
+    assert set(plain) == set(left)
+    for topic, messages in left.items():
+        frames = [each["header"]["frame_id"] for _, each in plain[topic]]
+        assert [each["header"]["frame_id"] for _, each in messages] == [f"left_{f}" for f in frames]
+    names = [f"left_{joint}" for joint in fields.JOINTS]
+    assert left["joint_states"][0][1]["name"] == names

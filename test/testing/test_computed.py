@@ -31,7 +31,7 @@ def received(drill, topic):
     return drill._collector.own(topic)
 
 
-def fly(drill):
+def fly(drill, act):
     drill.step(0.0123)
     drill.step(0.3)
     drill.inject("garbage", "wrench", duration=0.05)
@@ -39,18 +39,22 @@ def fly(drill):
     drill.drive(False)
     drill.step(0.1)
     drill.drive()
-    if "/rpud/mount" in drill.heard:
-        drill.feed(rate=0.001)
-    else:
-        drill.press(20.0)
+    act(drill)
     drill.step(0.001)
     drill.step(0.4)
 
 
 @pytest.mark.parametrize(
-    "values", [{}, {"regime": "free", "weight_on_bit": 0.0}, ARM], ids=["drilling", "free", "arm"]
+    ("values", "act"),
+    [
+        ({}, lambda drill: drill.press(20.0)),
+        ({"regime": "free", "weight_on_bit": 0.0}, lambda drill: drill.press(20.0)),
+        (ARM, lambda drill: drill.feed(rate=0.001)),
+        ({**ARM, "feed_model": "given"}, lambda drill: drill.move(0.006, 0.001)),
+    ],
+    ids=["drilling", "free", "arm", "given"],
 )
-def test_every_topic_has_the_bits_that_came_over_dds(drill_factory, values):
+def test_every_topic_has_the_bits_that_came_over_dds(drill_factory, values, act):
     drill = drill_factory(**values, faults=FAULTS, seed=7)
     topics = [n for n in offered_topics(to_settings(values).values()) if n in (*PROVED, "journal")]
     for topic in topics:
@@ -58,7 +62,7 @@ def test_every_topic_has_the_bits_that_came_over_dds(drill_factory, values):
     for reset in (False, True):
         if reset:
             drill.reset(seed=11)
-        fly(drill)
+        fly(drill, act)
         for topic in topics:
             assert drill.messages(topic)
             wire, own = received(drill, topic).payloads, drill.heard[f"/rpud/{topic}"].payloads

@@ -48,6 +48,26 @@ def test_sourcing_gives_the_commands_and_the_messages(shell):
     assert (result.stdout, result.stderr) == ("1\n", "")
 
 
+@pytest.mark.parametrize(
+    ("variables", "line"),
+    [
+        ({}, "rpud_sim: ROS_DOMAIN_ID is 42, on this machine only: "),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "rpud_sim: ROS_DOMAIN_ID is 42: "),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": "7"}, ""),
+    ],
+)
+def test_a_terminal_shows_once_the_domain_that_is_set(variables, line):
+    ours, terminal = os.openpty()
+    environment = {"PATH": os.defpath, **variables}
+    script = f". {ROOT}/env.bash; . {ROOT}/env.bash; echo end >&2"
+    subprocess.run(["bash", "-c", script], env=environment, stderr=terminal, timeout=60, check=True)
+    os.close(terminal)
+    with os.fdopen(ours, "rb") as screen:
+        shown = screen.read1().decode()
+    assert shown.startswith(line)
+    assert len(shown.splitlines()) == 1 + bool(line)
+
+
 @shells
 def test_sourcing_twice_changes_nothing(shell):
     variables = "$PATH\n$LD_LIBRARY_PATH\n$AMENT_PREFIX_PATH\n$CMAKE_PREFIX_PATH\n$PYTHONPATH"

@@ -20,7 +20,7 @@ from playwright.sync_api import Browser
 from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
-from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events
+from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events, draw_interface
 from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_page, save
 
 WIDE, NARROW = (1400, 900), (840, 640)  # windows of the picture and of the film [px]
@@ -65,6 +65,7 @@ def screen(browser: Browser, out: Path, folder: Path) -> None:
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
+    "interface": draw_interface,
     "drill": draw_drill,
     "blocks": draw_blocks,
     "events": draw_events,

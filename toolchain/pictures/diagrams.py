@@ -13,6 +13,7 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 
 # Part of a run in rock that shows all: the free mass commutes, while the drill springs back.
 BEGIN, END = 547_920_000, 548_600_000  # [ns]
@@ -31,6 +32,13 @@ def draw_drill() -> str:
         amplitude=f"{parameters.vibration_amplitude * 1e6:g}",
         free_mass=f"{parameters.free_mass * 1e3:g}",
     )
+
+
+def draw_interface() -> str:
+    """Return the nodes around a drill, and its main topics."""
+    published = ("reacting_force", "contact_force", "drill_tool", "status")
+    assert set(published) <= set(TOPICS)
+    return render("interface.svg.jinja", commands=list(COMMAND_TOPICS), published=published)
 
 
 def draw_blocks() -> str:

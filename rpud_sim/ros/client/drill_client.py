@@ -234,6 +234,11 @@ class DrillClient(ListeningNode):
             message = Feed(mode=Feed.MODE_POSITION, position=_number("position", position))
         self._command("feed", message)
 
+    def move(self, position: float, velocity: float = 0.0) -> None:
+        """Command the motion of a given mount: place [m] and velocity [m/s], as it acts."""
+        place, rate = _number("position", position), _number("velocity", velocity)
+        self._command("mount", msg.MountMotion(position=place, velocity=rate))
+
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
         self._ask("engage", SetBool.Request(data=bool(on)), repeat=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 import time
@@ -27,7 +28,7 @@ from rpud_sim.ros.endpoints import SequenceGaps, taken
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
-from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT, time_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME, Fields
@@ -38,45 +39,49 @@ _PASSIVE = (*JOINTS, ROTATION_JOINT)
 
 _FRAME = Text("frame of a command", "a name", LONGEST_NAME)
 
+_LONGEST_WAY = 1.0  # from the sample of a motion to the time at which it acts [s]
 _LOGGED_PER_SECOND = 10
 _MOST_RESULTS = 1000  # that wait to be published: more are counted only
 
 
-def joints_to_feed(message: JointState) -> Feed | None:
+def joints_to_feed(message: JointState, prefix: str = "") -> Feed | None:
     """Return the feed that a command to joints has; None if it has none.
+
+    Names of the drill's joints begin with the prefix.
 
     The hardware interface names every joint of its system, and lists may be shorter than the names.
     A command interface that no controller has claimed is NaN.
     """
-    names = list(message.name)
+    names, joint = list(message.name), prefix + FEED_JOINT
     lists = (message.position, message.velocity, message.effort)
 
     def values(number: int) -> list[float]:
         return [each[number] if number < len(each) else math.nan for each in lists]
 
     for number, name in enumerate(names):
-        if name in _PASSIVE and not all(map(math.isnan, values(number))):
+        passive = name.startswith(prefix) and name.removeprefix(prefix) in _PASSIVE
+        if passive and not all(map(math.isnan, values(number))):
             raise ParameterError(
                 f"joint_commands: {name} cannot be commanded; of the drill's joints only "
-                f"{FEED_JOINT} can"
+                f"{joint} can"
             )
-    if FEED_JOINT not in names:
+    if joint not in names:
         return None
-    number = names.index(FEED_JOINT)
-    if names.count(FEED_JOINT) > 1 or any(
+    number = names.index(joint)
+    if names.count(joint) > 1 or any(
         len(each) > len(names) or 0 < len(each) <= number for each in lists
     ):
         counts = ", ".join(str(len(each)) for each in lists)
         raise ParameterError(
             f"joint_commands: {counts} positions, velocities and efforts for {len(names)} joints "
-            f"give {FEED_JOINT} no single value: name it once, and first"
+            f"give {joint} no single value: name it once, and first"
         )
     position, rate, effort = values(number)
     if not math.isnan(effort):
-        raise ParameterError(f"joint_commands: {FEED_JOINT} takes no effort, given {effort:g}")
+        raise ParameterError(f"joint_commands: {joint} takes no effort, given {effort:g}")
     if not (math.isnan(position) or math.isnan(rate)):
         raise ParameterError(
-            f"joint_commands: {FEED_JOINT} takes a position or a velocity, "
+            f"joint_commands: {joint} takes a position or a velocity, "
             f"given {position:g} m and {rate:g} m/s"
         )
     if not math.isnan(position):
@@ -99,11 +104,12 @@ def _to_feed(message: FeedMessage) -> Feed:
     return Feed(mode, values[mode][0])
 
 
-# The command that a message has, by topic.
-_CONVERSIONS: Mapping[str, Callable[[Any], Command | None]] = {
-    "command/weight_on_bit": lambda message: WeightOnBit(message.force),
-    "command/drive": lambda message: Drive(message.enabled, message.voltage, message.frequency),
-    "command/feed": _to_feed,
+# The command that a message has, by topic; the second argument is the prefix of joints.
+_CONVERSIONS: Mapping[str, Callable[[Any, str], Command | None]] = {
+    "command/weight_on_bit": lambda message, _: WeightOnBit(message.force),
+    "command/drive": lambda message, _: Drive(message.enabled, message.voltage, message.frequency),
+    "command/feed": lambda message, _: _to_feed(message),
+    "command/mount": lambda message, _: MountMotion(message.position, message.velocity),
     JOINT_COMMANDS: joints_to_feed,
 }
 
@@ -211,13 +217,13 @@ class Inbox:
             self._results_changed = False
             return repeated, new
 
-    def publish_results(self, publishers: DrillPublishers, stamp: int) -> None:
+    def publish_results(self, publishers: DrillPublishers, stamp: int, prefix: str) -> None:
         """Publish new results, with the number of the status that shows them."""
         if (results := self.take_results()) is None:
             return
         repeated, new = results
         message = {
-            "header": {"stamp": time_fields(stamp), "frame_id": MOUNT_FRAME},
+            "header": {"stamp": time_fields(stamp), "frame_id": prefix + MOUNT_FRAME},
             "results": [*repeated, *new],
             "repeated": len(repeated),
             "status": publishers.published["status"],
@@ -236,7 +242,10 @@ class Inbox:
 
 
 class CommandTopic:
-    """Subscription to a topic of commands; ``now`` is the stamp of one that is given now [ns]."""
+    """Subscription to a topic of commands.
+
+    ``now`` is the stamp of one that is given now, ``origin`` that of simulation time zero [ns].
+    """
 
     def __init__(
         self,
@@ -245,6 +254,7 @@ class CommandTopic:
         inbox: Inbox,
         settings: Callable[[], Settings],
         now: Callable[[], int],
+        origin: Callable[[], int],
     ) -> None:
         self._name = topic.removeprefix("command/")
         self._type = message_class(ALL_COMMAND_TOPICS[topic])
@@ -252,6 +262,7 @@ class CommandTopic:
         self._inbox = inbox
         self._settings = settings
         self._now = now
+        self._origin = origin
         self._overwritten = 0  # as the middleware counts: not those of a queue of its reader
         self._counted = 0  # as discarded
         # rclpy passes the times of a message to a callback with two arguments.
@@ -284,24 +295,30 @@ class CommandTopic:
             result = result_of(self._name, message.header)
             _FRAME.check(f"{self._name}: frame_id", message.header.frame_id)
             # None first: the hardware interface publishes while no controller commands.
-            if (command := self._convert(message)) is not None:
-                self._check(command, message.header.stamp)
+            if (command := self._convert(message, self._settings().frame_prefix)) is not None:
+                command = self._checked(command, message.header.stamp)
                 self._inbox.accept(command, result, arrival(information))
         except ParameterError as error:
             self._inbox.refuse(result, str(error))
 
-    def _check(self, command: Command, stamp: Time) -> None:
+    def _checked(self, command: Command, stamp: Time) -> Command:
+        """Return a command that can act, a motion with the time of its sample."""
         if not self._inbox.opened:
             raise ParameterError(f"{self._name}: the drill is not active")
         settings, given = self._settings(), join_seconds(stamp.sec, stamp.nanosec)
-        age, timeout = (self._now() - given) / SECOND, settings.command_timeout
+        age, longest = (self._now() - given) / SECOND, settings.command_timeout
+        if isinstance(command, MountMotion):
+            longest = longest or _LONGEST_WAY
         # A stamp of zero means that there is none.
-        if timeout and given and not -timeout <= age <= timeout:
+        if longest and given and not -longest <= age <= longest:
             what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
             raise ParameterError(
-                f"{self._name} is stale: its stamp is {what}; allowed is {timeout:g} s"
+                f"{self._name} is stale: its stamp is {what}; allowed is {longest:g} s"
             )
         settings.configuration.check(command)
+        if isinstance(command, MountMotion) and given:
+            return dataclasses.replace(command, sampled=given - self._origin())
+        return command
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count

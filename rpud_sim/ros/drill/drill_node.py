@@ -60,15 +60,15 @@ class DrillNode(ManagedNode):
     ) -> None:
         super().__init__(NAME, **options)
         try:
-            self._set_up(duration, start)
+            self._set_up(duration, start, options.get("cli_args") or ())
         except BaseException:
             super().destroy_node()  # or the topic of its transitions would stay in the graph
             raise
 
-    def _set_up(self, duration: float | None, start: Start | None) -> None:
+    def _set_up(self, duration: float | None, start: Start | None, words: Sequence[str]) -> None:
         self.loop = PacingLoop()
         self._start = start
-        self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)
+        self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed, words)
         scenario_of(self.settings)  # a file that is missing ends the start, not the activation
         begin = start.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
@@ -76,7 +76,8 @@ class DrillNode(ManagedNode):
         self._duplicates = DuplicateNodes(self)
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
         for topic in ALL_COMMAND_TOPICS:
-            CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
+            clock = (self._now, self._origin)
+            CommandTopic(self, topic, self._inbox, lambda: self.settings, *clock)
         services = DrillServices(self, self.loop, lambda: self.settings)
         offer_standard_services(self, services)
         DeliveryServer(self, self.loop)
@@ -211,6 +212,9 @@ class DrillNode(ManagedNode):
             return session.stamp
         return int(self.get_clock().now().nanoseconds)
 
+    def _origin(self) -> int:
+        return session.run.origin if (session := self.loop.session) is not None else 0
+
     def _fixed(self) -> str:
         """Return why parameters that are not changeable cannot be set now; empty if they can."""
         if self._start is not None:
@@ -234,7 +238,7 @@ def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
     with StopRequest(with_parent) as stop, running_ros(ros_arguments):
         try:
             try:
-                node = DrillNode()
+                node = DrillNode(cli_args=list(ros_arguments))
             except RuntimeError as error:  # of rcl
                 raise StartError(str(error)) from error
             spin(node, stop)

@@ -19,7 +19,7 @@ from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.fields import CommandCounts, header_fields, time_fields
+from rpud_sim.simulation.fields import CommandCounts, header_fields, prefixed, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
@@ -39,6 +39,7 @@ _COMMAND_TOPICS = (
     ("command/weight_on_bit",),
     ("command/drive",),
     ("command/feed", JOINT_COMMANDS),
+    ("command/mount",),
 )
 _OK, _WARN, _ERROR = range(3)  # levels of diagnostics
 
@@ -69,7 +70,7 @@ _SHOWN = {
         "commands_accepted, commands_rejected, commands_discarded, command_delay_p50 [s], "
         "command_delay_p99 [s], command_delay_max [s], requests_refused, last_refusal, "
         "weight_on_bit [N], drive_enabled, drive_voltage [V], drive_frequency [Hz], "
-        "feed_rate [m/s], feed_position [m], commanders"
+        "feed_rate [m/s], feed_position [m], mount_position [m], mount_velocity [m/s], commanders"
     ),
     "drill": (
         "state, regime, impacts, vibration_amplitude [m], resonance_frequency [Hz], "
@@ -242,9 +243,11 @@ class StatusReporter:
             **{name: self._measured[name] for name in _TIMING},
             "messages_dropped": self._publishers.dropped,
         }
+        prefix = run.settings.frame_prefix
+        measured_timing = Batch.of(run.time, "timing", prefixed(timing, prefix))
         # The status last: who gets it finds the others.
-        self._publishers.publish([power, Batch.of(run.time, "timing", timing), status])
-        self._inbox.publish_results(self._publishers, run.origin + run.time)
+        self._publishers.publish([power, measured_timing, status])
+        self._inbox.publish_results(self._publishers, run.origin + run.time, prefix)
         simulation = run.simulation
         self.last = Report(
             time=run.time,

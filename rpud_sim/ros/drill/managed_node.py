@@ -10,6 +10,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import wraps
+from itertools import pairwise
 from typing import Any, TypeVar
 
 from lifecycle_msgs.srv import ChangeState
@@ -36,7 +37,16 @@ from rpud_sim.foundation.quantities import (
     shown,
 )
 from rpud_sim.ros.threads import raised
-from rpud_sim.simulation.configuration import CHANGEABLE, OF_ROS, PARAMETERS, Settings, to_settings
+from rpud_sim.simulation.configuration import (
+    CHANGEABLE,
+    OF_ROS,
+    PARAMETERS,
+    ParameterFile,
+    Settings,
+    not_of_the_drill,
+    parse_assignment,
+    to_settings,
+)
 
 Managed = TypeVar("Managed", bound="ManagedNode")
 Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
@@ -175,15 +185,20 @@ class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
     ``changed`` is called with new settings; ``fixed`` says why those that need a reset must stay.
+    ``words`` are the arguments of ROS that the node is started with.
     """
 
     def __init__(
-        self, node: Node, changed: Callable[[Settings], None], fixed: Callable[[], str]
+        self,
+        node: Node,
+        changed: Callable[[Settings], None],
+        fixed: Callable[[], str],
+        words: Sequence[str] = (),
     ) -> None:
         self._node = node
         self._changed = changed
         self._fixed = fixed
-        self.settings = declare_settings(node)
+        self.settings = declare_settings(node, words)
         # A reset sets parameters in the pacing thread, a service in another one.
         self._applying = threading.Lock()
         node.add_on_set_parameters_callback(self._check)
@@ -223,15 +238,34 @@ class DrillParameters:
         return bool(self._node.get_parameter(name).value != values[name])
 
 
-def declare_settings(node: Node) -> Settings:
-    """Declare all parameters on the node and return the settings that they hold."""
-    settings = to_settings(
-        {
-            name: override.value
-            for name, override in node._parameter_overrides.items()
-            if not (node.has_parameter(name) or name.startswith(OF_ROS))
-        }
-    )
+def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
+    """Declare all parameters on the node and return the settings that they hold.
+
+    Of the arguments ``words``, parameter files are read as ``--config`` reads them, and ``-p`` goes
+    before them. In a file only a mistake is an error: what is there for other nodes is logged.
+    """
+    values = {
+        name: override.value
+        for name, override in node._parameter_overrides.items()
+        if not (node.has_parameter(name) or name.startswith(OF_ROS))
+    }
+    pairs = list(pairwise(words))
+    for path in (each for word, each in pairs if word == "--params-file"):
+        file = ParameterFile(path, node.get_fully_qualified_name())
+        if file.missing:
+            node.get_logger().warning(str(file.missing))
+        if file.foreign:
+            node.get_logger().info(f"{path}: {not_of_the_drill(file.foreign)}")
+        for name in file.foreign:
+            values.pop(name, None)
+        values.update(file.values)
+    # ROS lets a section of this node in a file go before a value that is given for all nodes.
+    for rule in (each for word, each in pairs if word in ("-p", "--param")):
+        target, _, text = rule.partition(":=")
+        owner, _, name = target.rpartition(":")
+        if name in PARAMETERS and owner in ("", node.get_name(), node.get_fully_qualified_name()):
+            values.update([parse_assignment(f"{name}={text}")])
+    settings = to_settings(values)
     for declaration in PARAMETERS.values():
         value = settings.value(declaration.name)
         if isinstance(declaration.allowed, Quantity):

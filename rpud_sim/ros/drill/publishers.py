@@ -34,6 +34,8 @@ OF_NODE = {
     "/diagnostics": DrillTopic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
     RESULTS: DrillTopic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
 }
+# As robot_state_publisher offers it.
+DESCRIPTION = DrillTopic("std_msgs/msg/String", 1, latched=True, frame="", complete=False)
 # Latched, so that a node that joins a paused drill receives the time.
 CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 # That a simulation which nothing paces waits for a subscriber that does not answer [s].
@@ -53,13 +55,17 @@ def nanoseconds_to_time(nanoseconds: int) -> Time:
 
 
 class DrillPublishers:
-    """All publishers of the drill node; with ``publish_clock`` also of ``/clock``."""
+    """All publishers of the drill node; with ``publish_clock`` also of ``/clock``.
+
+    ``description`` is the URDF for ``robot_description``; without one there is no such topic.
+    """
 
     def __init__(
         self,
         node: Node,
         publish_clock: bool,
         offered: Mapping[str, DrillTopic] = TOPICS,
+        description: str = "",
     ) -> None:
         self._node = node
         self.complete = False  # whether topics without a subscriber are published, too
@@ -81,6 +87,8 @@ class DrillPublishers:
         self._telemetry = frozenset(name for name, topic in offered.items() if not topic.latched)
         self._latched = frozenset({*offered, *OF_NODE} - self._telemetry)
         others = {**OF_NODE, **({"/clock": CLOCK} if publish_clock else {})}
+        if description:
+            others["robot_description"] = DESCRIPTION
         for publishers, topics in (self.own, offered), (self._others, others):
             for name, topic in topics.items():
                 kind = message_class(topic.type)
@@ -90,6 +98,9 @@ class DrillPublishers:
                 if name == "journal":
                     added.send = partial(self._send_entry, added.send)
         self.begin()
+        if description:
+            encoded = self._encoders["robot_description"].encode({"data": description})
+            self._send("robot_description", encoded)
 
     @property
     def published(self) -> Mapping[str, int]:

@@ -8,7 +8,9 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 
+from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
@@ -19,6 +21,7 @@ from rpud_sim.ros.drill.health import StatusReporter
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.publishers import DrillPublishers, Encoded
 from rpud_sim.ros.drill.timeline import Reached, Timeline
+from rpud_sim.ros.process import robot_description
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.changes import Change
@@ -64,7 +67,9 @@ class Session:
         self._clock_due = 0.0
         self._logger = node.get_logger()
         offered = offered_topics(settings.values())
-        self.publishers = DrillPublishers(node, settings.publish_clock, offered)
+        self.publishers = DrillPublishers(
+            node, settings.publish_clock, offered, _description_of(settings)
+        )
         self.reporter = StatusReporter(
             node, settings.telemetry_rate, self.publishers, inbox, duplicates
         )
@@ -374,3 +379,12 @@ class Session:
 
     def _refuse(self, change: Change, error: Exception) -> None:
         self._logger.warning(f"planned change refused: {error}")
+
+
+def _description_of(settings: Settings) -> str:
+    """Return the URDF of a drill that publishes it; empty otherwise."""
+    if not settings.publish_robot_description:
+        return ""
+    drill = settings.configuration
+    folder = Path(get_package_share_directory("rpud_sim"), "urdf")
+    return robot_description(folder, drill.has_feed, drill.rotates, settings.frame_prefix)

@@ -26,6 +26,7 @@ from rpud_sim.bag.cdr import Codec, foreign_encoding
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
+from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed, suggestion
 from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
@@ -64,10 +65,12 @@ class Replayer(Node):
         *,
         with_clock: bool,
         remappings: Iterable[str] = (),
+        namespace: str = NAMESPACE,
     ) -> None:
         rules = [word for rule in remappings for word in ("--remap", rule)]
         super().__init__(
             "replayer",
+            namespace=namespace,
             cli_args=["--ros-args", *rules] if rules else None,
             start_parameter_services=False,
         )
@@ -314,7 +317,12 @@ def _replay(
     stop: StopRequest,
     make_bar: MakeBar,
 ) -> Replayed:
-    node = Replayer(topics, with_clock=options.clock is not None, remappings=options.remap)
+    node = Replayer(
+        topics,
+        with_clock=options.clock is not None,
+        remappings=options.remap,
+        namespace=options.namespace,
+    )
     if not node.topics:
         if topics:
             raise ReplayError(f"nothing of {bag.path} can be replayed here")

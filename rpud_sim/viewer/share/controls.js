@@ -108,7 +108,8 @@ export class Controls {
       engages: status.regime !== "free", retracts: status.regime === "free" };
     for (const [id, is] of Object.entries(pressed)) element(id).ariaPressed = String(known && Boolean(is));
     const { feed_rate: rate, feed_position: place } = status, feeds = [rate, place].some(Number.isFinite); // with an arm the weight on bit follows from the feed
-    [element("press").hidden, element("feed").hidden] = [feeds, !feeds];
+    const given = Number.isFinite(status.mount_position); // and here from the mount, which another simulator moves
+    [element("press").hidden, element("feed").hidden] = [feeds || given, !feeds];
     /** @type {Record<string, string>} */
     const texts = {
       stands: stands ? "stands" : known ? "runs" : "",

@@ -11,6 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import Feed as FeedMessage
+from rpud_msgs.msg import MountMotion as MotionMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -25,15 +26,17 @@ from rpud_sim.ros.drill.commands import (
     result_of,
 )
 from rpud_sim.ros.graph import message_class
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 SECOND = 1_000_000_000
 NOW = 1000 * SECOND
+ORIGIN = 990 * SECOND
 NAN = math.nan
 FEED, ROTATION = "rpud_feed", "rpud_rotation"
 ARM = {"feed_model": "arm"}
+CARRIED = {"feed_model": "given"}
 TIMEOUT = {"command_timeout": 0.5}
 GIVEN = result_of("weight_on_bit")
 
@@ -50,7 +53,8 @@ class Commander:
         self.publishers = {}
         for topic, name in ALL_COMMAND_TOPICS.items():
             kind = message_class(name)
-            CommandTopic(drill, topic, self.inbox, lambda: self.settings, lambda: NOW)
+            clock = (lambda: NOW, lambda: ORIGIN)
+            CommandTopic(drill, topic, self.inbox, lambda: self.settings, *clock)
             self.publishers[kind] = client.create_publisher(kind, topic, 10)
         self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
 
@@ -94,7 +98,13 @@ def test_each_topic_takes_its_commands(commander):
     # A command interface that no controller has claimed is no command, also of an idle drill.
     commander.publishers[JointState].publish(JointState(name=[FEED], velocity=[NAN]))
     assert commander.give(JointState(name=[FEED], velocity=[1e-3])) == Feed("rate", 1e-3)
-    assert (commander.inbox.accepted, commander.inbox.rejected) == (6, 0)
+    commander.settings = Settings().replace(CARRIED)
+    assert commander.give(MotionMessage(position=0.01)) == MountMotion(0.01)
+    # The stamp is the time of the sample, in simulation time.
+    motion = MotionMessage(header=stamped(-0.25), position=0.01, velocity=1e-3)
+    sampled = NOW - ORIGIN - SECOND // 4
+    assert commander.give(motion) == MountMotion(0.01, 1e-3, sampled)
+    assert (commander.inbox.accepted, commander.inbox.rejected) == (8, 0)
 
 
 @pytest.mark.parametrize(
@@ -127,6 +137,17 @@ def test_each_topic_takes_its_commands(commander):
             ARM,
             FeedMessage(mode=1, position=0.4),
             "feed position = 0.4 m is outside its range",
+        ),
+        ("feed", CARRIED, FeedMessage(), "a feed cannot be commanded with feed_model = given"),
+        ("mount", ARM, MotionMessage(), "the motion of the mount cannot be commanded with feed_"),
+        ("mount", CARRIED, MotionMessage(position=NAN), "mount position = nan m is outside"),
+        ("mount", CARRIED, MotionMessage(position=0.4), "mount position = 0.4 m is outside"),
+        ("mount", CARRIED, MotionMessage(velocity=1e-2), "mount velocity = 0.01 m/s is outside"),
+        (
+            "mount",
+            CARRIED,  # also without a command_timeout
+            MotionMessage(header=stamped(1.1)),
+            "mount is stale: its stamp is 1.100 s ahead of the drill's time; allowed is 1 s",
         ),
         (
             "weight_on_bit",
@@ -235,6 +256,14 @@ def test_a_command_to_joints_feeds_is_none_or_is_refused(message, feed):
         joints_to_feed(message)
     assert feed in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_commands_to_the_joints_of_another_drill_are_none_of_this_one():
+    message = JointState(name=[FEED, f"left_{FEED}", f"right_{ROTATION}"], velocity=[1.0, 1e-3])
+    assert joints_to_feed(message, "left_") == Feed("rate", 1e-3)
+    assert joints_to_feed(message, "right_") is None
+    with pytest.raises(ParameterError, match="left_rpud_rotation cannot be commanded; of the "):
+        joints_to_feed(JointState(name=[f"left_{ROTATION}"], velocity=[1.0]), "left_")
 
 
 class Log(list):

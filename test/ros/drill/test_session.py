@@ -370,6 +370,11 @@ def test_a_drill_that_follows_a_clock_does_not_drift_from_it_and_restarts_where_
     assert drill.timeline.pacer.remaining(PERIOD) == pytest.approx(PERIOD / 2 / SECOND)
     tell(7 * SECOND + PERIOD)
     assert (take_turn(drill), drill.run.time) == (0.0, PERIOD)
+    # What comes while the clock stands acts before its next tick.
+    drill.command(20.0)
+    tell(7 * SECOND + 2 * PERIOD)
+    assert (take_turn(drill), drill.run.time) == (0.0, 2 * PERIOD)
+    assert (drill.weight_on_bit, drill.run.simulation.applied.weight_on_bit_time) == (20.0, PERIOD)
     tell(3 * SECOND)
     take_turn(drill)
     assert (drill.run.time, drill.stamp) == (0, 3 * SECOND)

@@ -68,7 +68,7 @@ def test_a_second_source_of_the_clock_is_named_once(replay, capfd):
     sources.look()
     sources.look()
     other.destroy_node()
-    line = "/clock has 2 publishers, /replayer and /rpud/drill_node: time jumps between theirs"
+    line = "/clock has 2 publishers, /rpud/drill_node and /rpud/replayer: time jumps between theirs"
     assert capfd.readouterr().err.count(line) == 1
 
 
