@@ -108,8 +108,7 @@ export class Controls {
       engages: status.regime !== "free", retracts: status.regime === "free" };
     for (const [id, is] of Object.entries(pressed)) element(id).ariaPressed = String(known && Boolean(is));
     const { feed_rate: rate, feed_position: place } = status, feeds = [rate, place].some(Number.isFinite); // with an arm the weight on bit follows from the feed
-    const given = Number.isFinite(status.mount_position); // and here from the mount, which another simulator moves
-    [element("press").hidden, element("feed").hidden] = [feeds || given, !feeds];
+    [element("press").hidden, element("feed").hidden] = [feeds || Number.isFinite(status.mount_position), !feeds]; // or from the mount
     /** @type {Record<string, string>} */
     const texts = {
       stands: stands ? "stands" : known ? "runs" : "",

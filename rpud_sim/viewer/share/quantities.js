@@ -29,8 +29,7 @@ export function numberText(value, keep = false) {
   const places = Math.max(0, DIGITS - 1 - Math.floor(Math.log10(Math.abs(value))));
   const plain = places <= 9 && Math.abs(value) < LONG;
   const text = plain ? value.toFixed(places) : value.toExponential(DIGITS - 1).replace(/([+-])(\d)$/, "$10$2");
-  const short = keep || !text.includes(".") || text.includes("e") ? text : text.replace(/\.?0+$/, "");
-  return short.replace("-", "\u2212");
+  return (keep || !text.includes(".") || text.includes("e") ? text : text.replace(/\.?0+$/, "")).replace("-", "\u2212");
 }
 
 /** Return a value, given in SI units, as people read it; a dash for none.
