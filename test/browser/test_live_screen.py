@@ -127,6 +127,11 @@ def test_section_and_plots_follow_the_drill(live):
     text_has(live, "figure[data-plot=peak_force] .key output", "kN")
     text_has(live, "figure[data-plot=load] .key output", "N")
     text_has(live, "#cursor", r"^\d+\.\d+.s")
+    of_screen(live, "screen.zoom(0, 0.5)")
+    assert not of_screen(live, "screen.follows")
+    click(live, "back to live")
+    until_screen(live, "screen.follows && screen.seen.view.end > 0.5")
+    assert live.tab.locator("#back").is_disabled()
 
 
 def test_each_control_does_what_it_says(live, client):
