@@ -39,6 +39,12 @@ if TYPE_CHECKING:
 PORT = Quantity("", "a port", 0, 65535, whole=True)
 DEFAULT_PORT = 8810  # as in rpud_sim.viewer.server, which needs Tornado
 
+# Of `--watch`, where no rock is chosen: the screen shows depth, rate and well log within a minute.
+WATCHED_STRATA = (
+    "{layers: [{depth_from: 0.0, rock: regolith}, {depth_from: 0.004, rock: limestone}, "
+    "{depth_from: 0.007, rock: sandstone}]}"
+)
+
 _PROGRAM = "rpud run"
 _PAGE_START = 60.0  # that the page's server may take to start on a busy machine [s]
 _PAGE_END = 10.0  # that it may take to end [s]
@@ -67,7 +73,7 @@ _READY = "recording\n"  # that the recorder prints when it records
     watch=option(
         None,
         "also serve the page of the drill, by a second process; 0 is a free port "
-        f"(default: {DEFAULT_PORT})",
+        f"(default: {DEFAULT_PORT}). Without --config, strata and rock_* it drills in three layers",
         PORT,
         nargs="?",
         const=DEFAULT_PORT,
@@ -82,6 +88,9 @@ _READY = "recording\n"  # that the recorder prints when it records
 )
 def _run(options: Any) -> int:
     values = {**parameter_values(options), "use_sim_time": options.use_sim_time}
+    rocks = options.config or any(name.startswith(("rock_", "strata")) for name in values)
+    if options.watch is not None and not rocks:
+        values["strata"] = WATCHED_STRATA
     from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.process import StopRequest
 

@@ -433,9 +433,9 @@ _FIGURES = {
 
 
 def figure_quantity(name: str) -> ShownQuantity:
-    """Return how a figure of a run is shown, by its name; its label is that name."""
+    """Return how a figure of a run is shown, by its name; its label is that name in words."""
     known = QUANTITIES.get(_FIGURES.get(name, ""), ShownQuantity("", "", ""))
-    return dataclasses.replace(known, name=name, label=name)
+    return dataclasses.replace(known, name=name, label=name.replace("_", " "))
 
 
 def quantity_in(unit: str, greatest: float, label: str = "") -> ShownQuantity:

@@ -25,6 +25,13 @@ def drill_table(type_name: str) -> Table:
     return Table(TopicSummary(topic, 0, None, None, find_definition(type_name)))
 
 
+@cache
+def field_units() -> dict[str, dict[str, str]]:
+    """Return SI units of the fields of the drill's topics, by topic and field."""
+    tables = {name: drill_table(topic.type).columns for name, topic in TOPICS.items()}
+    return {name: {c.name: c.unit for c in found if c.unit} for name, found in tables.items()}
+
+
 def serialized(batch: Batch) -> SerializedBatch:
     """Return messages of the drill as a bag has them whose times are simulation time."""
     return encoded(batch, _codec(TOPICS[batch.topic].type), "", 0)

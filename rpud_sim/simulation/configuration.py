@@ -25,6 +25,7 @@ from rpud_sim.foundation.quantities import (
     flag,
     listed,
     number,
+    quantity_in,
     shown,
     shown_name,
     text,
@@ -292,6 +293,23 @@ def to_values(configuration: Configuration) -> dict[str, Any]:
     """Return the values of all parameters by name, the inverse of ``to_configuration``."""
     groups = (*(getattr(configuration, field) for field in _GROUPS), configuration)
     return {name: getattr(group, name) for group in groups for name in _NAMES[type(group)]}
+
+
+def parameter_rows(parameters: Mapping[str, Any]) -> list[list[str]]:
+    """Return name, value and default of each parameter; first those with another value."""
+    regime = "free" if parameters.get("regime") == "free" else "drilling"
+    usual = {name: each.default for name, each in PARAMETERS.items()} | vars(preset(regime))
+    rows = []
+    for name, value in sorted(parameters.items()):
+        unit = getattr(PARAMETERS[name].allowed, "unit", "") if name in PARAMETERS else ""
+        default = "" if (other := usual.get(name, value)) == value else _value_text(other, unit)
+        rows.append([name, _value_text(value, unit), default])
+    return sorted(rows, key=lambda row: not row[2])
+
+
+def _value_text(value: Any, unit: str) -> str:
+    number = isinstance(value, float)
+    return quantity_in(unit, abs(value)).text(value) if number else f"{value!s:.160}" or "none"
 
 
 def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:

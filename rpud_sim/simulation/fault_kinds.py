@@ -11,13 +11,13 @@ import dataclasses
 import math
 import operator
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.drilling.inputs import Disturbances
-from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.quantities import Quantity, quantity_in
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
 from rpud_sim.model.parameters import QUANTITIES, Parameters
@@ -407,3 +407,34 @@ KINDS: dict[str, FaultKind] = {
 }
 # What a channel of a model needs, whichever fault is on it.
 CHANNEL_NEEDS: Mapping[str, _Need] = {"rotation": _rotation, "mount": _feed}
+
+
+def magnitude_text(kind: str, channel: str, magnitude: float) -> str:
+    """Return the magnitude of a fault with its unit, such as ``5 N``; empty for none."""
+    known = KINDS.get(kind)
+    if not math.isfinite(magnitude) or (known and not known.magnitude):
+        return ""
+    has = known and (channel in CHANNELS or not known.in_channel_unit)
+    allowed = known.quantity_on(channel) if known and has else None
+    return quantity_in(allowed.unit if allowed else "", abs(magnitude)).text(magnitude)
+
+
+def fault_forms(kinds: Collection[str], channels: Collection[str]) -> dict[str, dict[str, Any]]:
+    """Return the forms of those kinds that are known, by kind."""
+    return {kind: fault_form(kind, channels) for kind in kinds if kind in KINDS}
+
+
+def fault_form(kind: str, channels: Collection[str]) -> dict[str, Any]:
+    """Return what a form asks for to inject a fault, as plain values.
+
+    ``sizes`` has unit and default of the magnitude by channel; the channel of the physics is "".
+    """
+    known = KINDS[kind]
+    own = [] if known.physical else [*channels]
+    allowed = {each: known.quantity_on(each) for each in own or [""]}
+    return {
+        "says": known.description,
+        "channels": own,
+        "meaning": known.magnitude.description if known.magnitude else "",
+        "sizes": {each: [q.unit, known.default_on(each)] for each, q in allowed.items() if q},
+    }

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,6 +28,7 @@ from rpud_sim.testing.errors import (
 )
 from rpud_sim.testing.expectations import verdict_line
 from rpud_sim.verdicts import Expectation, Verdict
+from rpud_sim.verdicts.reasons import NO_EVENT
 from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
 
 COMPLETED, BROKEN = "completed", "broken"
@@ -148,7 +150,10 @@ def _cut_short(verdict: Verdict, reached: float) -> Verdict:
 
 _BODY = """
 <style>
- b { text-transform: capitalize; } b.failed { color: var(--fault); }
+ b { text-transform: capitalize; }
+ td:has(> .failed) { background: color-mix(in srgb, var(--fault) 8%, var(--paper)); }
+ td:has(> .passed) { background: color-mix(in srgb, var(--series2) 6%, var(--paper)); }
+ b.failed { color: var(--fault); }
  b.passed { color: var(--series2); } b.undecided { color: var(--muted); }
  pre { background: var(--panel); padding: .6em; overflow-x: auto; }
 </style>
@@ -277,8 +282,14 @@ def _cell(found: Sequence[tuple[Verdict, FlownRun]]) -> MatrixCell:
 
 def campaign_page(results: CampaignResults) -> str:
     campaign, names = results.campaign, [each.name for each in results.campaign.expectations]
-    faults = [", ".join(each) or "no fault" for each in results.scenarios.values()]
-    matrix: list[list[Any]] = [["requirement", "verdict", *map(_below, results.scenarios, faults)]]
+    faults = [", ".join(each).replace("_", " ") for each in results.scenarios.values()]
+    matrix: list[list[Any]] = [
+        [
+            "requirement",
+            "verdict",
+            *map(_below, results.scenarios, (each or "no fault" for each in faults)),
+        ]
+    ]
     for name, expectations in results.requirements.items():
         text = campaign.requirements.get(name, ", ".join(expectations))
         cells = [results.cells.get((name, each)) for each in ("", *results.scenarios)]
@@ -313,6 +324,10 @@ def _below(name: str, text: str) -> Markup:
 def _field(cell: MatrixCell | None) -> Markup:
     if cell is None:
         return Markup("<b>no verdict</b>")
+    if cell.outcome == UNDECIDED and cell.text.startswith(NO_EVENT):
+        event = cell.text.removeprefix(NO_EVENT).lstrip(": ")
+        event = re.sub(r"^(?:onset|cleared)\((.*)\)$", r"\1", event).replace("_", " ")
+        return Markup('<span class="none">n/a: no {} here</span>').format(printable(event))
     rest = cell.text if cell.outcome == UNDECIDED else str(cell).removeprefix(cell.outcome)
     return Markup('<b class="{0}">{0}</b> {1}<br>{2}').format(
         cell.outcome, printable(rest), _links(cell.worst)

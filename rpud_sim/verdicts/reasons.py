@@ -14,6 +14,9 @@ from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import LEAST_TRUTH, MOST_TRUTH
 from rpud_sim.verdicts.units import WHOLE, Window, duration_text, unit_factor
 
+# Why a formula is undecided whose event has not come; the event follows after a colon.
+NO_EVENT = "the event of after never came"
+
 
 def described(evaluation: Evaluation, reasons: Iterable[Reason]) -> str:
     """Return the reasons of a decision as one line; empty if there is nothing to say."""
@@ -31,7 +34,7 @@ def why_undecided(expectation: Expectation, evaluation: Evaluation) -> str:
         if isinstance(part, f.After) and not evaluation.trigger(part.trigger).sure(
             evaluation.begin
         ):
-            return f"the event of after never came: {to_text(part.trigger)}"
+            return f"{NO_EVENT}: {to_text(part.trigger)}"
     over = f"the record ends at {_at(evaluation, evaluation.end)}, before it is decided"
     for part in expectation.formula.walk():
         if isinstance(part, f.Compare | f.Says) and (gap := _gap(evaluation, part)) is not None:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.simulation.configuration import parameter_rows
+from rpud_sim.simulation.fault_kinds import magnitude_text
 
 # Kinds of entries; a failure is one of a test.
 COMMAND, FAULT, RUN, REFUSAL, FAILURE = "command", "fault", "run", "refusal", "failure"
@@ -34,11 +36,13 @@ class LogEntry:
     time: float  # since the run, or the bag, began [s]
     kind: str  # ``COMMAND``, ``FAULT``, ``RUN`` or ``REFUSAL``
     text: str
+    name: str = ""  # of what has changed several times
     count: int = 1  # of the changes that it stands for
 
     def plain(self) -> dict[str, Any]:
-        more = f", the last of {self.count} consecutive changes" if self.count > 1 else ""
-        return {"time": self.time, "kind": self.kind, "text": self.text + more}
+        times, last = f"\N{MULTIPLICATION SIGN}{self.count}", self.text.removeprefix(self.name)
+        text = f"{self.name} {times}, last{last}" if self.count > 1 else self.text
+        return {"time": self.time, "kind": self.kind, "text": text}
 
 
 class Commands:
@@ -78,6 +82,7 @@ class Commands:
             entry.time, entry.text, entry.count = time, text[:_LENGTH], entry.count + 1
         else:
             entry = self._log(time, sort, text)
+            entry.name = kind.replace("_", " ")
         self._last[kind] = time, text, row, entry
 
     def refuse(self, time: float, reason: str) -> None:
@@ -107,6 +112,7 @@ class Commands:
         return {
             "log": [entry.plain() for entry in entries],
             "log_thinned": self._count - len(self._entries),
+            "parameters": parameter_rows(self.parameters),
         }
 
     def _log(self, time: float, kind: str, text: str) -> LogEntry:
@@ -189,8 +195,8 @@ def _shown(quantity: str, value: float) -> str:
 
 
 def _fault_text(fault: Mapping[str, Any]) -> str:
-    """Return ``noise of wrench 0.3``: kind, channel and magnitude."""
-    kind, channel = str(fault["kind"]).replace("_", " "), str(fault.get("channel") or "")
-    magnitude = float(fault.get("magnitude") or 0.0)
-    size = f" {magnitude:.4g}" if math.isfinite(magnitude) and magnitude else ""
-    return kind + (f" of {channel}" if channel else "") + size
+    """Return ``noise of reacting force 5 N``: kind, channel and magnitude."""
+    kind, channel = str(fault["kind"]), str(fault.get("channel") or "")
+    size = magnitude_text(kind, channel, float(fault.get("magnitude") or 0.0))
+    words = kind + (f" of {channel}" if channel else "")
+    return f"{words.replace('_', ' ')} {size}".strip()

@@ -14,6 +14,7 @@ import numpy as np
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import QUANTITIES, for_browser
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.recorded.drill_tables import field_units
 from rpud_sim.viewer.history import History
 
 _ALIGNED = 8  # bytes
@@ -194,7 +195,7 @@ def measured(history: History, client: ClientState) -> dict[str, Any]:
         plots = plots_of(history)
         if due("plots", plots):
             others = [each.for_browser() for each in history.others()]
-            found |= {"plots": plots, "quantities": for_browser() + others}
+            found |= {"plots": plots, "quantities": for_browser() + others, "units": field_units()}
     if due("moment", (version, at), 0.2 * pace):
         found |= history.moment(at)
     if due("whole", version, 1.0 * pace):

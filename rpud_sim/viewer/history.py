@@ -14,6 +14,7 @@ from rpud_sim.drilling.rock import ROCKS, find_strata
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.simulation.batch import Batch
+from rpud_sim.simulation.fault_kinds import magnitude_text
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins, Impacts, Layer
 from rpud_sim.viewer.commands import Commands
@@ -150,7 +151,8 @@ class History:
                 "number": int(fault.number),
                 "kind": str(fault.kind),
                 "channel": str(fault.channel),
-                "magnitude": float(fault.magnitude),
+                "magnitude": (size := float(fault.magnitude)),
+                "size": magnitude_text(str(fault.kind), str(fault.channel), size),
                 "onset": seconds(fault.onset, origin),
                 "end": None if fault.active else seconds(fault.clear, origin),
                 "active": bool(fault.active),
@@ -254,8 +256,11 @@ class History:
     def timeline(self) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
         first = (each for each in self.own_signals if self.bins[-1].has(each.name))
-        signal = self.signal("peak_force") or next(first, None)
-        return self.line(signal, 0.0, self.time or 0.0) if signal else {}
+        peak = self.signal("peak_force")
+        if not (signal := peak or next(first, None)):
+            return {}
+        of = "peak_force" if peak else signal.name
+        return self.line(signal, 0.0, self.time or 0.0) | {"of": of}
 
     def impact_layers(
         self, start: float, end: float, width: int, wanted: Collection[str]

@@ -25,6 +25,7 @@ from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics
 from rpud_sim.ros.process import StartError
+from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
 from rpud_sim.viewer.live_history import LiveHistory
 from rpud_sim.viewer.server import EXPIRY, PageServer, Place
@@ -37,7 +38,7 @@ SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
 
 _MOST_WAITING = 32
 _KEPT = 8  # outcomes
-_BEYOND = re.compile(r"\w+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
+_BEYOND = re.compile(r"[\w ]+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _PERIOD = 0.1  # between takes of messages [s]
 _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
 _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
@@ -50,8 +51,6 @@ MOST_DRILLS = 16  # with subscriptions; for a further one, a drill that has ende
 
 _GAP = 1.0  # shortest time before the first message that is shown as a gap [s]
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
-
-
 # Rows of "timing", and what timing or status have for them.
 _TIMING = {
     "latest block of the last report": "lateness_max",
@@ -87,7 +86,7 @@ class Actions:
 
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
-        self.waiting: deque[tuple[str, dict[str, Any], float]] = deque()  # names, arguments, times
+        self.waiting: deque[tuple[str, dict[str, Any], float, str]] = deque()  # last: the asker
         self._outcomes: deque[dict[str, Any]] = deque(maxlen=_KEPT)
         self._numbers = count(1)
 
@@ -96,8 +95,8 @@ class Actions:
         """Of the latest actions that are over, in the order of their ends, as a frame has them."""
         return list(self._outcomes)
 
-    def add(self, name: str, arguments: dict[str, Any]) -> None:
-        """Queue an action; one that does not exist is a ParameterError."""
+    def add(self, name: str, arguments: dict[str, Any], asker: str = "") -> None:
+        """Queue an action of an asker; one that does not exist is a ParameterError."""
         if name not in ACTIONS:
             raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
         try:
@@ -105,17 +104,17 @@ class Actions:
         except TypeError as error:
             raise ParameterError(f"action {name}: {error}") from None
         if len(self.waiting) < _MOST_WAITING:
-            self.waiting.append((name, dict(arguments), time.monotonic()))
+            self.waiting.append((name, dict(arguments), time.monotonic(), asker))
         else:
-            self._settle(name, FAILED, f"{_MOST_WAITING} actions wait already")
+            self._settle(name, asker, FAILED, f"{_MOST_WAITING} actions wait already")
 
     def execute(self, client: DrillClient) -> bool:
         """Execute the next action; return whether there was one."""
         if not self.waiting:
             return False
-        name, given, asked = self.waiting.popleft()
+        name, given, asked, asker = self.waiting.popleft()
         if (waited := time.monotonic() - asked) > EXPIRY:
-            self._settle(name, FAILED, f"expired: it waited for {waited:.0f} s")
+            self._settle(name, asker, FAILED, f"expired: it waited for {waited:.0f} s")
             return True
         self.running = name
         state, text = DONE, ""
@@ -135,17 +134,18 @@ class Actions:
             state, text = REFUSED, plain_refusal(str(error))
         finally:
             self.running = ""
-        self._settle(name, state, text)
+        self._settle(name, asker, state, text)
         return True
 
     def fail_all(self, reason: str) -> None:
         """Let all actions that wait fail for a reason."""
         while self.waiting:
-            self._settle(self.waiting.popleft()[0], FAILED, reason)
+            name, _, _, asker = self.waiting.popleft()
+            self._settle(name, asker, FAILED, reason)
 
-    def _settle(self, name: str, state: str, text: str) -> None:
-        number = next(self._numbers)
-        self._outcomes.append({"number": number, "name": name, "state": state, "text": text})
+    def _settle(self, name: str, asker: str, state: str, text: str) -> None:
+        found = {"number": next(self._numbers), "name": name, "asker": asker}
+        self._outcomes.append({**found, "state": state, "text": text})
 
 
 class LiveDrill:
@@ -163,8 +163,7 @@ class LiveDrill:
     def __init__(self, namespace: str, domain_id: int | None = None) -> None:
         self.error = ""
         self.actions = Actions()
-        self.kinds: tuple[str, ...] = ()  # of faults that can be injected now
-        self.channels: tuple[str, ...] = ()  # whose signals can be faulty
+        self.kinds: dict[str, dict[str, Any]] = {}  # of faults that can be injected now: forms
         self._domain_id = domain_id
         self._lock = threading.Lock()
         self._wake = threading.Event()
@@ -209,9 +208,9 @@ class LiveDrill:
         with self._lock:
             yield self._history
 
-    def act(self, name: str, arguments: dict[str, Any]) -> None:
+    def act(self, name: str, arguments: dict[str, Any], asker: str = "") -> None:
         """Queue an action."""
-        self.actions.add(name, arguments)
+        self.actions.add(name, arguments, asker)
         self._wake.set()
 
     # The thread
@@ -298,7 +297,7 @@ class LiveDrill:
                 if (run := self._history.run) != asked_run:
                     with suppress(ClientError):  # asked again, unless it is gone
                         response = client.list_faults()
-                        self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
+                        self.kinds = fault_forms(response.kinds, response.channels)
                         asked_run = run
             self._wake.wait(_PERIOD)
             self._wake.clear()
@@ -383,7 +382,7 @@ class LiveStore(Store):
         drill = self._heard(client)
         if drill.silent:
             raise ParameterError(f"not sent: {drill.namespace} is silent for {drill.silent} s")
-        drill.act(content["name"], content["arguments"])
+        drill.act(content["name"], content["arguments"], content["id"])
 
     def _heard(self, client: ClientState) -> LiveDrill:
         if client.drill not in self.heard:
@@ -396,8 +395,8 @@ class LiveStore(Store):
         return self._namespaces
 
     def _state(self, drill: LiveDrill, history: LiveHistory) -> dict[str, Any]:
-        status, since = history.status, history.since
-        counts = {**status, **history.timing}
+        status, since = history.reports.get("status", {}), history.since
+        counts = {**status, **history.reports.get("timing", {})}
         state = {
             "run": history.run,
             "drills": sorted({*self._namespaces, drill.namespace}),
@@ -405,7 +404,6 @@ class LiveStore(Store):
             "connection": drill.connection,
             "silent": drill.silent,
             "kinds": drill.kinds,
-            "channels": drill.channels,
             "losses": drill.lost,
             "outcomes": drill.actions.outcomes,
             "status": status,

@@ -69,8 +69,7 @@ class LiveHistory(History):
         super().clear([Bins(names, BIN, _BINS, newest=True), Bins(names, BIN, _BINS)])
         # Of the run: stamps from which on an origin counts, ascending, and the origins [ns].
         self._origins: list[tuple[int, int]] = []
-        self.status: dict[str, Any] = {}
-        self.timing: dict[str, Any] = {}
+        self.reports: dict[str, dict[str, Any]] = {}  # latest status, power and timing
         self.latest_impacts: deque[tuple[float, float, float]] = deque(maxlen=_LATEST_IMPACTS)
         # Of the waveform: the newest whose impacts arrived too, and the newest of all.
         self.block: Block | None = None
@@ -136,11 +135,10 @@ class LiveHistory(History):
 
     @property
     def values(self) -> dict[str, dict[str, Any]]:
-        """Latest values of the fast topics: by topic, by field."""
-        return {
-            topic: dict(zip(FIELDS[topic], values, strict=True))
-            for topic, values in self._latest.items()
-        }
+        """Latest values of the fast topics and of power and timing: by topic, by field."""
+        latest = self._latest.items()
+        fast = {topic: dict(zip(FIELDS[topic], values, strict=True)) for topic, values in latest}
+        return fast | {name: self.reports[name] for name in self.reports if name != "status"}
 
     def has(self, quantity: str) -> bool:
         return quantity in _ALWAYS or super().has(quantity)
@@ -250,8 +248,7 @@ class LiveHistory(History):
             return
         names = message.get_fields_and_field_types()
         shown = plain_status({name: getattr(message, name) for name in names}, origin)
-        if topic in ("status", "timing"):
-            setattr(self, topic, shown)
+        self.reports[topic] = shown
         self.time = max(self.time or 0.0, float(times[0]) / SECOND)
         columns = {
             name: np.array([value], float)

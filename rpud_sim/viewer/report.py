@@ -163,7 +163,7 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
             if isinstance(found, RunVerdict):
                 seen |= asdict(found)
             else:
-                tables += run_tables(found)
+                tables.append(run_table(found))
                 seen.setdefault("seed", found.seed)
     return seen | {"tables": tables}
 
@@ -292,8 +292,8 @@ def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
     return {"title": title, "columns": columns, "rows": rows}
 
 
-def run_tables(manifest: Manifest) -> list[Table]:
-    """Return where a run came from, and its parameters if they are known."""
+def run_table(manifest: Manifest) -> Table:
+    """Return where a run came from; the journal has its parameters."""
     origin = {
         "drill": manifest.node,
         "forked from": str(dict(manifest.forked_from)) if manifest.forked_from else "",
@@ -301,15 +301,8 @@ def run_tables(manifest: Manifest) -> list[Table]:
         "machine": manifest.machine,
         "versions": ", ".join(f"{name} {text}" for name, text in manifest.versions.items()),
     }
-    parameters = {
-        name: f"{value:g}" if isinstance(value, float) else f"{value}"
-        for name, value in sorted(manifest.parameters.items())
-    }
-    tables = []
-    for title, found in (("run", origin), ("parameters", parameters)):
-        if rows := [[name, text[:_LONGEST]] for name, text in found.items() if text]:
-            tables.append({"title": title, "columns": [], "rows": rows})
-    return tables
+    rows = [[name, text[:_LONGEST]] for name, text in origin.items() if text]
+    return {"title": "run", "columns": [], "rows": rows}
 
 
 def _text(quantity: str, value: float | None) -> str:

@@ -353,8 +353,8 @@ class _Frames(_Guarded, WebSocketHandler):
                 arguments = asked.get("arguments", {})
                 if not isinstance(arguments, dict):
                     raise ValueError("arguments")
-                content = {"name": _text(asked["act"]), "arguments": arguments}
-                await self.server.work(request, client, "act", content)
+                given = {"name": _text(asked["act"]), "id": _text(asked.get("id", ""))}
+                await self.server.work(request, client, "act", given | {"arguments": arguments})
             case name:
                 raise ValueError(name)
 

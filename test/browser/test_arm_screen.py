@@ -32,7 +32,7 @@ def test_feed_plots_and_hole_of_an_arm(drill, page_of):
         page = opened(page_of, server, NAMESPACE)
         page.until("!document.querySelector('#feed').hidden")
         page.tab.fill("#rate", "-1")
-        page.tab.get_by_role("button", name="Feed", exact=True).click()
+        page.tab.locator("#feed").get_by_role("button", name="Apply").click()
         client.until(lambda: client.status.feed_rate == pytest.approx(-1e-3))
         until_screen(page, "screen.seen.hole?.layers[0].name === 'sandstone'")
         text_has(page, "#section", "sandstone")

@@ -59,6 +59,18 @@ def click(page, name, *, inside="body"):
     page.tab.locator(inside).get_by_role("button", name=name, exact=True).click()
 
 
+def pressed_is(live, name):
+    buttons = "[...document.querySelectorAll('.switch button')]"
+    live.until(f"{buttons}.find((e) => e.textContent === '{name}').ariaPressed === 'true'")
+
+
+def places_of_controls(live):
+    return live.tab.evaluate(
+        "[...document.querySelectorAll('header button, header input')]"
+        ".map((e) => e.getBoundingClientRect()).map(({ left, top, width }) => [left, top, width])"
+    )
+
+
 def until_status(client, **fields):
     client.until(
         lambda: all(getattr(client.status, name) == value for name, value in fields.items())
@@ -75,10 +87,10 @@ def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
     live.until("document.querySelector('#weight').value === '23.5'")
     for name in ("impacts", "weight_on_bit", "drive_voltage", "depth"):
         until_screen(live, f"screen.seen.status.{name} === {getattr(status, name)}")
-    text_is(
-        live, "#driven", f"{status.drive_voltage:g}\N{NO-BREAK SPACE}V, 16\N{NO-BREAK SPACE}kHz"
-    )
-    text_has(live, "#time", r"^\d+\.\d{3}.s$")  # a short step is seen
+    text_is(live, "#driven", f"set {status.drive_voltage:g}\xa0V, 16\xa0kHz")
+    text_is(live, "#weight-set", "set 23.5\xa0N")
+    text_has(live, "#weight-actual", r"^reacting \d+\.\d.N$")
+    text_has(live, "#time", r"^00:00:\d\d\.\d{3}$")  # a short step is seen
 
     impacts = client.listen("contact_force")
     while not impacts:  # until it is heard
@@ -115,55 +127,72 @@ def test_section_and_plots_follow_the_drill(live):
     text_has(live, "figure[data-plot=peak_force] .key output", "kN")
     text_has(live, "figure[data-plot=load] .key output", "N")
     text_has(live, "#cursor", r"^\d+\.\d+.s")
+    of_screen(live, "screen.zoom(0, 0.5)")
+    assert not of_screen(live, "screen.follows")
+    click(live, "back to live")
+    until_screen(live, "screen.follows && screen.seen.view.end > 0.5")
+    assert live.tab.locator("#back").is_disabled()
 
 
 def test_each_control_does_what_it_says(live, client):
     tab = live.tab
     tab.fill("#weight", "31")
-    click(live, "Press")
+    click(live, "Apply", inside="#press")
     until_status(client, weight_on_bit=31.0)
     until_screen(live, "screen.seen.log.some((each) => each.text.includes('31'))")
-    tab.click("#driven")
+    click(live, "Set\N{HORIZONTAL ELLIPSIS}")
     tab.get_by_label("voltage [V]").fill("80")
-    click(live, "Set")
+    click(live, "Apply", inside="#drive-pop")
     until_status(client, drive_voltage=80.0, drive_enabled=True)
-    click(live, "Drive on")
+    places = places_of_controls(live)
+    click(live, "Off")
     until_status(client, drive_enabled=False)
-    text_is(live, "#drive", "Drive off")
+    pressed_is(live, "Off")
     click(live, "Retract")
     until_status(client, regime="free")
     text_is(live, "#doing", "drive off")
+    pressed_is(live, "Retract")
     click(live, "Engage")
     until_status(client, regime="drilling")
     click(live, "Pause")
     until_status(client, state="paused")
-    text_is(live, "#pause", "Play")
+    pressed_is(live, "Pause")
+    assert places_of_controls(live) == places  # whatever the drill does
     before = client.time
     tab.get_by_label("step [s]").fill("0.25")
     click(live, "Step")
     client.until(lambda: client.time >= before + 0.25)
     done = "screen.seen.outcomes.some(({ name, state }) => name === 'step' && state === 'done')"
-    until_screen(live, done)  # meanwhile the drill runs, and the button stops it
-    text_is(live, "#pause", "Play")
+    until_screen(live, done)
+    pressed_is(live, "Pause")
     tab.evaluate("document.activeElement.blur()")
     tab.keyboard.press(" ")  # others use the drill, too: no key plays or pauses it
     click(live, "Play")
     until_status(client, state="running")
-    click(live, "Fault")
+    click(live, "Inject\N{HORIZONTAL ELLIPSIS}")
     tab.locator("#kinds").select_option("bias")
     tab.locator("#channels").select_option("reacting_force")
-    tab.get_by_label("magnitude").fill("2.5")
-    click(live, "Inject")
+    text_is(live, "#kind-says", "a constant offset on the main quantity")
+    text_is(live, "#meaning", "offset [N]")
+    assert tab.locator("#magnitude").get_attribute("placeholder") == "1"
+    tab.locator("#kinds").select_option("free_mass_jammed")  # it has neither
+    assert not tab.locator("#magnitude").is_visible()
+    assert not tab.locator("#channels").is_visible()
+    tab.locator("#kinds").select_option("bias")
+    tab.locator("#channels").select_option("reacting_force")
+    tab.locator("#magnitude").fill("2.5")
+    click(live, "Inject", inside="#fault-pop")
     client.until(lambda: client.faults and client.faults[-1].active)
     fault = client.faults[-1]
     assert (fault.kind, fault.channel, fault.magnitude) == ("bias", "reacting_force", 2.5)
-    text_is(live, "#fault", "Fault (1)")
-    click(live, "Fault (1)")
-    text_has(live, "#active", "bias of reacting force 2.5 since")
+    live.until("document.querySelector('#alarms li')")
+    text_has(live, "#alarms li", r"^bias on reacting force .*2\.5 Nfor \d+ s, since [\d.]+ s")
+    text_is(live, "#count", "1 active")
     click(live, f"clear fault {fault.number}")
     client.until(lambda: not client.faults[-1].active)
-    text_is(live, "#fault", "Fault")
-    tab.keyboard.press("Escape")
+    text_is(live, "#count", "0 active")
+    assert tab.locator("#alarms li").count() == 0
+    assert places_of_controls(live) == places
     run = of_screen(live, "screen.seen.run")
     tab.locator("[popovertarget=reset-pop]").click()
     click(live, "Reset", inside="#reset-pop")
@@ -175,27 +204,32 @@ def test_each_control_does_what_it_says(live, client):
 
 def test_a_refusal_stands_beside_its_control_and_a_jam_is_called_so(live):
     live.tab.fill("#weight", "-5")
-    click(live, "Press")
+    click(live, "Apply", inside="#press")
     text_has(live, "[data-of=press] .outcome", "-5 N is")
     box = live.tab.locator("[data-of=press] .outcome").bounding_box()
     control = live.tab.locator("[data-of=press]").bounding_box()
     assert abs(box["x"] - control["x"]) < 5
     assert 0 < box["y"] - control["y"] < 60
-    live.tab.fill("#weight", "9")
-    click(live, "Press")
+    covered = live.tab.locator("main").bounding_box()["y"]
+    assert box["y"] + box["height"] <= covered
+    live.tab.fill("#weight", "9")  # the reason goes with its cause
+    text_is(live, "[data-of=press] .outcome", "not applied yet")
+    live.until("document.querySelector('#weight').classList.contains('pending')")
+    click(live, "Apply", inside="#press")
     text_is(live, "[data-of=press] .outcome", "")
+    live.until("!document.querySelector('#weight').classList.contains('pending')")
 
-    click(live, "Fault")
+    click(live, "Inject\N{HORIZONTAL ELLIPSIS}")
     live.tab.locator("#kinds").select_option("free_mass_jammed")
     until_screen(live, "screen.clock.block")
     block = of_screen(live, "screen.clock.block.time")
     of_screen(live, "screen.clock.speed = 1e-3")  # so slow that it never ends
-    click(live, "Inject")
+    click(live, "Inject", inside="#fault-pop")
     text_is(live, "#doing", "jammed")
+    live.until("document.title.startsWith('jammed')")
     until_screen(live, f"screen.clock.block.time > {block}")
     text_is(live, "[data-number=impact_rate]", "0")
     until_screen(live, "screen.clock.block.impacts.length === 0")
-    click(live, "Fault (1)")
     click(live, "clear fault 1")
     text_is(live, "#doing", "drilling")
     until_screen(live, "screen.clock.block.impacts.length > 0")
@@ -238,10 +272,11 @@ def test_what_stands_still_does_not_look_alive(drill, client, page_of, stopped):
         os.kill(process.pid, signal.SIGSTOP)
         try:
             text_has(page, "#doing", "not connected")
-            text_has(page, "#banner", "No data for [23] s: .*does not answer")
+            text_has(page, "#banner", "does not answer")
+            text_has(page, "#age", "^data [2-9].* s old$")
             assert page.tab.evaluate("document.documentElement.dataset.stale") == "true"
             page.tab.fill("#weight", "33")
-            click(page, "Press")
+            click(page, "Apply", inside="#press")
             text_is(page, "[data-of=press] .outcome", "not connected")
         finally:
             os.kill(process.pid, signal.SIGCONT)
@@ -249,7 +284,7 @@ def test_what_stands_still_does_not_look_alive(drill, client, page_of, stopped):
         text_is(page, "#banner", "")
         client.until(lambda: client.status.weight_on_bit == 8.0)
         page.tab.fill("#weight", "32")
-        click(page, "Press")
+        click(page, "Apply", inside="#press")
         text_is(page, "[data-of=press] .outcome", "done")
         text_is(page, "[data-of=press] .outcome", "")
         client.until(lambda: client.status.weight_on_bit == 32.0)

@@ -93,6 +93,12 @@ def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):
     assert page.tab.locator("[data-plot=motion] canvas").is_visible()  # exact as well
     page.tab.get_by_role("button", name="previous impact").click()
     text_has(page, "#found", f"^impact at {times[following - 1]:.9f} s")
+    # The mean of a second lasts through the contact; the time is as exact, and covers nothing.
+    page.tab.locator("[data-plot=more] select").select_option(label="power, mean of a second")
+    until_screen(page, "screen.plots.plots.at(-1).plot.data[1].length > 1")
+    assert of_screen(page, "screen.plots.plots.at(-1).plot.data[0].at(-1) >= screen.range.end")
+    time, button = (page.tab.locator(each).bounding_box() for each in ("#time", "#previous"))
+    assert time["x"] + time["width"] <= button["x"]
     page.keep("contact", whole=False)
     page.assert_quiet()
 
@@ -101,7 +107,7 @@ def test_faults_and_commands_are_marked_and_playing_moves_the_playhead(recorded)
     page = recorded()
     assert of_screen(page, "screen.seen.faults.map((each) => each.onset)") == [0.4, 1.0]
     page.tab.get_by_text("log of commands", exact=True).click()
-    text_has(page, "#details", "bias of reacting_force 5")
+    text_has(page, "#details", "bias of reacting force 5 N")
     page.tab.get_by_text("log of commands", exact=True).click()
 
     of_screen(page, "screen.zoom(0.9, 1.5)")
@@ -158,6 +164,106 @@ def test_the_keyboard_the_mouse_and_the_wheel_change_the_view(recorded):
     page.tab.locator("#timeline .u-over").click(position={"x": 200, "y": 10})
     until_screen(page, "screen.playhead.time < 3")
     page.assert_quiet()
+
+
+def hover(page, plot, share):
+    box = page.tab.locator(f"{plot} .u-over").bounding_box()
+    page.tab.mouse.move(box["x"] + share * box["width"], box["y"] + 30)
+
+
+def test_two_cursors_show_their_difference_and_a_click_on_the_legend_hides_a_line(recorded):
+    page, load = recorded(), "screen.plots.plots.find(({ definition }) => definition.id === 'load')"
+    page.tab.keyboard.press("?")
+    assert page.tab.get_by_text("set or remove a second cursor").is_visible()
+    page.tab.keyboard.press("Escape")
+    of_screen(page, "screen.zoom(0, 10)")
+    until_screen(page, "screen.seen.view.end === 10")
+    hover(page, "[data-plot=load]", 0.25)
+    text_has(page, "[data-plot=load] .key output", r"^[\d.]+.N \(.?[\d.]+ to [\d.]+\)$")
+    page.tab.keyboard.press("m")
+    until_screen(page, "Math.abs(screen.seen.mark - 2.5) < 0.05")
+    hover(page, "[data-plot=load]", 0.75)
+    text_has(page, "#cursor", r"^\u0394.(4\.9|5\.0)\d*.s")
+    text_has(page, "[data-plot=load] .key output", r", \u0394.\u2212?[\d.]+.N$")
+    page.tab.keyboard.down("Shift")
+    drag(page, "[data-plot=load]", 0.75, 0.75)  # a click removes it
+    page.tab.keyboard.up("Shift")
+    until_screen(page, "Math.abs(screen.seen.mark - 7.5) < 0.05")
+    page.tab.keyboard.press("m")
+    until_screen(page, "screen.seen.mark === null")
+
+    line = page.tab.locator("[data-plot=load] .key").first
+    highest = of_screen(page, f"{load}.plot.scales.y.max")
+    line.click()
+    until_screen(page, f"!{load}.plot.series[1].show && {load}.plot.scales.y.max < {highest}")
+    line.click()
+    until_screen(page, f"{load}.plot.series[1].show && {load}.plot.scales.y.max === {highest}")
+
+    of_screen(page, "screen.zoom(4, 6)")
+    page.tab.keyboard.down("Shift")
+    drag(page, "[data-plot=load]", 0.5, 0.75)
+    page.tab.keyboard.up("Shift")
+    assert view_of(page) == pytest.approx([3.5, 5.5], abs=0.05)
+    page.assert_quiet()
+
+
+def test_a_view_is_kept_in_the_address_and_saved_as_table_and_picture(recorded, drilled):
+    page = recorded()
+    page.tab.locator("[data-plot=more] select").select_option(label="positions")
+    of_screen(page, "screen.zoom(2, 2.5)")
+    page.until("location.hash.includes('view=')")
+    page.tab.reload()
+    until_screen(page, "screen.seen.view.start > 1.9 && screen.seen.view.layers.nodal_plane")
+    assert view_of(page) == [2.0, 2.5]
+    with page.tab.expect_download() as download:
+        page.tab.click("#csv")
+    head, *rows = download.value.path().read_text().splitlines()
+    assert head.startswith('time [s],"peak force [kN]"')
+    cells = np.array([[float(cell or "nan") for cell in row.split(",")] for row in rows])
+    times = drilled.impacts["header.stamp"] / 1e9
+    within = (times >= 2.0) & (times <= 2.5)
+    assert (cells[:, 0] >= 2.0).all()
+    assert (cells[:, 0] <= 2.5).all()
+    greatest = np.nanmax(cells[:, 1])
+    assert greatest == pytest.approx(drilled.impacts["peak_force"][within].max() / 1e3, rel=1e-5)
+    with page.tab.expect_download() as download:
+        page.tab.click("#png")
+    assert download.value.path().read_bytes().startswith(b"\x89PNG")
+    assert download.value.suggested_filename == "rpud_2.0_2.5.png"
+
+
+def test_axes_and_factors_say_what_they_are(recorded):
+    page, axis = recorded(), "screen.plots.plots.at(-1).plot.axes[0]"
+    text_has(page, "#strip-of", r"^peak force, 0 to [\d.]+ kN$")
+    text_has(page, "#section", r"slow motion 1000\u00d7.*motion drawn \d+\u00d7")
+    text_has(page, "#section [data-part=step]", r"^indentation \d+ \u00b5m$")
+    text_has(page, "#section [data-part=drawn]", r"^drawn \d+\u00d7$")
+    put_playhead(page, 3)
+    text_has(page, "#numbers", "[\\d.]+ to [\\d.]+\nmin\u2013max, last 1 s")
+    until_screen(page, f"{axis}._values.includes('2 s')")
+    of_screen(page, "screen.zoom(2, 2.02)")
+    until_screen(page, f"{axis}._values.some((each) => each.endsWith('+5 ms'))")
+    long = "{ bbox: { left: 0, width: 900 }, valToPos: () => 99 }, [3600, 7200, 10800], 0, 0, 3600"
+    assert of_screen(page, f"{axis}.values({long})") == ["01:00:00", "02:00:00", "03:00:00"]
+
+
+def test_all_values_have_units_and_changed_parameters_come_first(recorded):
+    page = recorded()
+    page.tab.get_by_text("all values", exact=True).click()
+    values = page.tab.locator("#details")
+    assert values.get_by_role("row", name="weight on bit 8 N").first.is_visible()
+    parameters = values.get_by_role("region", name="parameters").locator("tbody tr")
+    assert (
+        "default" in values.get_by_role("region", name="parameters").locator("thead").inner_text()
+    )
+    defaults = [row.split("\t")[2] for row in parameters.all_inner_texts()]
+    assert sorted(defaults, key=lambda default: not default) == defaults
+    # Beside the section, above the plots that share a time axis.
+    motion, plots, section = (
+        page.tab.locator(f"#{name}").bounding_box() for name in ("motion", "plots", "section")
+    )
+    assert motion["y"] + motion["height"] <= plots["y"] + 1
+    assert motion["y"] < section["y"] + section["height"]
 
 
 def test_the_reader_chooses_a_signal_and_a_hostile_name_stays_text(recorded):

@@ -226,6 +226,19 @@ def test_hole_grows_through_its_layers_to_scale(opened):
     assert page.tab.is_visible("#section .air")
 
 
+def test_no_name_of_a_layer_runs_into_the_hole(opened):
+    page = opened(width=PHONE)
+    name = "weak sandstone of the upper member"
+    run(page, "clock.jump(sections.first, true)")
+    hole(page, depth=0.018, layers=[{"from": 0, "to": None, "name": name, "colour": 3}])
+    page.until(f"document.querySelector('#section .halo.now').textContent === '{name}'")
+    left, wall = (
+        run(page, f"return document.querySelector('{each}').getBoundingClientRect().{side}")
+        for each, side in (("#section .halo.now", "left"), ("#section .hole", "right"))
+    )
+    assert left > wall
+
+
 def test_the_place_of_the_bit_is_that_of_the_arm_and_the_hole_stays(opened):
     page = opened()
     run(page, "clock.jump(sections.first, true); section.setRegime('drilling')")

@@ -5,6 +5,8 @@ import urllib.request
 
 import pytest
 
+import rpud_sim
+
 NAMESPACE = "/cli_watch"
 
 
@@ -38,8 +40,13 @@ def test_a_foreign_address_is_one_line(process):
 
 
 @pytest.mark.extended
-def test_a_drill_brings_its_page_along_and_takes_it_away(process):
-    running = process("rpud", "run", "--watch", "0", "--namespace", NAMESPACE, "--quiet")
+@pytest.mark.parametrize(
+    ("given", "rock"), [((), "limestone"), (("--set", "strata=basalt"), "basalt")]
+)
+def test_a_drill_brings_its_page_along_and_takes_it_away(process, tmp_path, given, rock):
+    bag = tmp_path / "bag"
+    words = ("--watch", "0", "--namespace", NAMESPACE, "--quiet", "--record", bag)
+    running = process("rpud", "run", *words, *given)
     base = running.wait_for_line(rf"drill {NAMESPACE}: (http://[^/]+)/screen")[1]
     running.wait_for_line("the drill is active")
     assert ask(f"{base}/screen")[0] == 200
@@ -47,3 +54,4 @@ def test_a_drill_brings_its_page_along_and_takes_it_away(process):
     assert running.wait() == 0
     with pytest.raises(urllib.error.URLError):
         ask(f"{base}/screen")
+    assert rock in rpud_sim.open(bag).runs[0].parameters["strata"]  # layers where none are chosen

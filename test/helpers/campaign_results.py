@@ -30,7 +30,7 @@ expectations:
 """
 
 FAILURE = (FAILED, -1.5, "N", 4.5, None, "reacting_force.force was 501.5 N at 4.5 s")
-OPEN = (UNDECIDED, None, "", None, None, "the event of after never came")
+OPEN = (UNDECIDED, None, "", None, None, "the event of after never came: onset(free_mass_jammed)")
 _HELD = (PASSED, 2.0, "N", 3.0, 0.25, "held at 3 s")
 
 

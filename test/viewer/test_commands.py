@@ -45,7 +45,7 @@ def test_entries_are_told_in_words():
         "feed holds",
         "feed to 20 mm",
         "parameters: rock_model energy",
-        "noise of wrench 0.3 begins",
+        "noise of wrench 300 mN begins",
         "the drill stops",
     ]
     kinds = [entry["kind"] for entry in commands.frame()["log"]]
@@ -66,7 +66,7 @@ def test_dense_changes_share_an_entry_that_counts_them_and_are_all_steps():
     for number in range(200):
         commands.add(1.0 + 0.05 * number, "weight_on_bit", {"force": 10.0 + number % 3})
     assert len(texts(commands)) == 5
-    assert texts(commands)[-1] == "weight on bit 11 N, the last of 197 consecutive changes"
+    assert texts(commands)[-1] == "weight on bit \N{MULTIPLICATION SIGN}197, last 11 N"
     assert len(commands.steps(0.0, 100.0, 1000)["weight_on_bit"]["t"]) == 201
     part = commands.steps(2.02, 3.0, 5)["weight_on_bit"]
     assert len(part["t"]) == 5
@@ -77,7 +77,7 @@ def test_faults_of_the_drill_take_the_place_of_those_of_the_journal():
     commands = begun()
     commands.add(8.0, "inject", {"fault": FAULT, "duration": 0})
     faults = [{**FAULT, "number": 2, "onset": 8.0, "end": 9.5}]
-    assert texts(commands, faults)[1:] == ["fault 2: noise of wrench 0.3 begins", "fault 2 ends"]
+    assert texts(commands, faults)[1:] == ["fault 2: noise of wrench 300 mN begins", "fault 2 ends"]
 
 
 def test_what_is_left_out_is_counted():

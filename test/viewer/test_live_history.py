@@ -67,10 +67,10 @@ def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
     faults = Faults(faults=[fault])
     faults.header.stamp = stamp(ORIGIN + SECOND)
     history.latched("faults", faults)
-    assert not history.status
+    assert not history.reports
     history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
-    assert (history.time, history.status["state"]) == (1.0, "paused")
-    assert history.status["weight_on_bit_applied"] == 0.0
+    assert (history.time, history.reports["status"]["state"]) == (1.0, "paused")
+    assert history.reports["status"]["weight_on_bit_applied"] == 0.0
     [shown] = history.faults
     assert (shown["kind"], shown["onset"], shown["end"]) == ("bias", 0.5, None)
 
@@ -175,9 +175,9 @@ def test_a_reset_begins_a_new_run_with_nothing(history):
 def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_before(history):
     history.latched("status", status(5 * SECOND, state="running"))
     history.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))
-    assert (history.time, history.status) == (None, {})
+    assert (history.time, history.reports) == (None, {})
     history.latched("status", status(0, state="paused"))
-    assert (history.time, history.status["state"]) == (0.0, "paused")
+    assert (history.time, history.reports["status"]["state"]) == (0.0, "paused")
 
 
 def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):

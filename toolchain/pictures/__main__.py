@@ -16,52 +16,52 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
 from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events, draw_interface
-from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_in_both, save
+from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_page, save
 
-STRATA = Path(__file__).resolve().parents[2] / "config" / "strata_example.yaml"
-WIDE = (1400, 900)
-SECONDS, RATE = 14, 4  # of the film: s, pictures a second
-
-
-def act(pages: list[Page], seconds: float) -> None:
-    """Do what a reader does at that moment of the film; the first page commands the drill."""
-    for page in pages:
-        if seconds == 2.0:
-            page.get_by_role("spinbutton", name="weight on bit").fill("14")
-        elif seconds == 6.0:
-            page.get_by_role("button", name="Fault").click()
-            page.get_by_label("kind").select_option("free_mass_jammed")
-            page.get_by_label("duration [s]").fill("2")
-        elif seconds == 7.5:
-            page.keyboard.press("Enter" if page is pages[0] else "Escape")
-    if seconds == 3.0:
-        pages[0].get_by_role("button", name="Press").click()
+WIDE, NARROW = (1400, 900), (840, 640)  # windows of the picture and of the film [px]
+SECONDS, RATE = 10, 12  # of the film: s, pictures a second
+JAMMED = 2 * RATE  # picture at which `rpud inject` starts
+# The film shows the section and two plots.
+_CROP = """() => {
+  const away = document.querySelectorAll(["header", "#alarms", "#numbers", "#motion", ".section p",
+    "[data-plot=load]", ".strip", "#details"]);
+  for (const each of away) each.style.setProperty("display", "none", "important");
+  const desk = document.querySelector(".desk");
+  Object.assign(desk.style, { height: "100vh", gridTemplateColumns: "46% minmax(0, 1fr)" });
+}"""
 
 
 def screen(browser: Browser, out: Path, folder: Path) -> None:
-    """Film the screen of a drill in layers of rock, pressed harder and jammed; keep the end."""
-    words = ("run", "--duration", "600", "--quiet", "--watch", "0", "--set", f"strata={STRATA}")
-    with background(*words, folder=folder) as drill:
-        pages = open_in_both(browser, printed_url(drill), WIDE, reduced_motion="no-preference")
-        for page in pages:  # slow enough for the eye, at so few pictures a second
-            page.get_by_label("motion that a second shows").select_option("1")
-        pages[0].wait_for_timeout(8_000)
-        pictures: list[list[bytes]] = [[] for _ in pages]
-        begin = time.monotonic()
-        for number in range(SECONDS * RATE):
-            act(pages, number / RATE)
-            for page, taken in zip(pages, pictures, strict=True):
-                taken.append(page.screenshot())
-            late = begin + (number + 1) / RATE - time.monotonic()
-            pages[0].wait_for_timeout(max(0.0, 1e3 * late))
-        for taken, ending in zip(pictures, SCHEMES.values(), strict=True):
-            film(taken, out.with_name(f"{out.stem}{ending}.webp"), RATE)
-        save(pages, out)
+    """Film the screen of a drill in layers of rock, whose free mass jams; keep the end."""
+    for scheme, ending in SCHEMES.items():
+        with background("run", "--quiet", "--watch", "0", folder=folder) as drill:
+            url = printed_url(drill)
+            page = open_page(browser, url, NARROW, scheme)
+            page.wait_for_selector('html[data-heard="true"]')
+            page.get_by_label("slow motion").select_option("2")
+            page.wait_for_timeout(6_000)
+            page.evaluate(_CROP)
+            pictures: list[tuple[float, bytes]] = []
+            begin = time.monotonic()
+            for number in range(SECONDS * RATE):
+                if number == JAMMED:
+                    jam = start("inject", "free_mass_jammed", "--for", "2")
+                taken = page.screenshot(type="jpeg", quality=95)
+                pictures.append((time.monotonic() - begin, taken))
+                late = begin + (number + 1) / RATE - time.monotonic()
+                page.wait_for_timeout(max(0.0, 1e3 * late))
+            jam.communicate()
+            film(pictures, out.with_name(f"{out.stem}{ending}.webp"))
+            page.close()
+            page = open_page(browser, url, WIDE, scheme)
+            page.wait_for_selector('html[data-heard="true"]')
+            page.wait_for_timeout(6_000)
+            save(page, out.with_name(f"{out.stem}{ending}.png"))
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
@@ -79,11 +79,16 @@ FILES = [
 """Names of all pictures."""
 
 
+def start(*words: str, folder: Path | None = None) -> subprocess.Popen[str]:
+    """Start a command of `rpud` in a folder; its output is a pipe."""
+    command = [sys.executable, "-m", "rpud_sim.cli.main", *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
+
+
 @contextmanager
 def background(*words: str, folder: Path | None = None) -> Iterator[subprocess.Popen[str]]:
     """Run a command of `rpud` in a folder meanwhile; its output is a pipe."""
-    command = [sys.executable, "-m", "rpud_sim.cli.main", *words]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
+    process = start(*words, folder=folder)
     try:
         yield process
     finally:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -17,7 +17,6 @@ SCHEMES = {"light": "", "dark": "_dark"}
 """Endings of the names of files, by colour scheme."""
 
 _COLORS = 256
-_FILM_WIDTH = 960  # pixels
 _DRAWN = "() => document.readyState === 'complete'"
 
 
@@ -37,56 +36,37 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-def open_in_both(
-    browser: Browser,
-    url: str,
-    size: tuple[int, int],
-    reduced_motion: Literal["reduce", "no-preference"] = "reduce",
-) -> list[Page]:
-    """Return a page in each colour scheme, in a window of so many pixels."""
-    pages = []
-    for scheme in SCHEMES:
-        page = browser.new_page(
-            viewport={"width": size[0], "height": size[1]},
-            color_scheme=scheme,
-            reduced_motion=reduced_motion,
-        )
-        page.goto(url)
-        page.wait_for_function(_DRAWN)
-        pages.append(page)
-    return pages
+def open_page(browser: Browser, url: str, size: tuple[int, int], scheme: str) -> Page:
+    """Return a page in a colour scheme, in a window of so many pixels."""
+    page = browser.new_page(
+        viewport={"width": size[0], "height": size[1]},
+        color_scheme="dark" if scheme == "dark" else "light",
+        reduced_motion="no-preference",
+    )
+    page.goto(url)
+    page.wait_for_function(_DRAWN)
+    return page
 
 
-def save(pages: list[Page], out: Path) -> list[Path]:
-    """Write the screenshots of a page in each colour scheme; return the files.
-
-    Args:
-        pages: as ``open_in_both`` gives them.
-        out: file of the first; the others are beside it.
-    """
-    files = []
-    for page, ending in zip(pages, SCHEMES.values(), strict=True):
-        page.wait_for_function(_DRAWN)
-        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
-        files.append(out.with_name(f"{out.stem}{ending}.png"))
-        files[-1].write_bytes(smaller(page.screenshot()))
-        page.close()
-    return files
+def save(page: Page, out: Path) -> None:
+    """Write the screenshot of a page into a file, and close the page."""
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+    out.write_bytes(smaller(page.screenshot()))
+    page.close()
 
 
-def film(pictures: list[bytes], out: Path, rate: int) -> None:
-    """Write pictures as an animated WebP, so many a second."""
-    images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
-    height = round(_FILM_WIDTH * images[0].height / images[0].width)
-    frames = [image.resize((_FILM_WIDTH, height)) for image in images]
-    first, *others = frames
+def film(pictures: list[tuple[float, bytes]], out: Path) -> None:
+    """Write pictures, with the times at which they were taken [s], as an animated WebP."""
+    times = [round(1000 * time) for time, _ in pictures]
+    first, *others = [Image.open(io.BytesIO(picture)).convert("RGB") for _, picture in pictures]
+    shown = [after - before for before, after in pairwise(times)]
     first.save(
         out,
         save_all=True,
         append_images=others,
-        duration=1000 // rate,
+        duration=[*shown, 1000],
         loop=0,
-        quality=35,
+        quality=30,
         method=4,
     )
 

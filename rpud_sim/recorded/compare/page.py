@@ -45,6 +45,7 @@ _MOST_DRAWN = 3  # windows whose distributions are drawn
 _CLASSES = 60  # of a histogram
 _TAIL = 0.002  # share of values beyond each end of a histogram
 _DECADES = 30.0  # greatest over least, above which classes are equal in the logarithm
+_WIDE = 400.0  # from here on the axis of the differences is logarithmic above 100 %
 _ROW = 19  # height of a row of the differences [pixels]
 _COLORS = {
     DIFFERS: "series1",
@@ -124,12 +125,18 @@ def render(found: Comparison) -> str:
     )
 
 
-def _of_window(found: Comparison, number: int) -> list[FigureDifference]:
-    return [each for each in found.differences if each.window == number]
+def figures_of_window(found: Comparison, number: int) -> list[FigureDifference]:
+    """Return the differences of a window, by their effect: first those that are sure."""
+    found_here = [each for each in found.differences if each.window == number]
+
+    def effect(each: FigureDifference) -> tuple[bool, float]:
+        return each.decision == DIFFERS, abs(each.relative) if math.isfinite(each.relative) else 0.0
+
+    return sorted(found_here, key=effect, reverse=True)
 
 
 def _differing(found: Comparison, number: int) -> int:
-    return sum(each.decision == DIFFERS for each in _of_window(found, number))
+    return sum(each.decision == DIFFERS for each in figures_of_window(found, number))
 
 
 def _window(found: Comparison, number: int, place: int) -> Section:
@@ -147,7 +154,7 @@ def _window(found: Comparison, number: int, place: int) -> Section:
             rows.append((shown(name).label, letter, count, *cells, greatest))
     head = ["quantity", "run", "values"]
     head += [text for name in FIGURES.values() for text in (name, "interval")]
-    differences = _of_window(found, number)
+    differences = figures_of_window(found, number)
     pictures = [difference_picture(found, number) if place else None]
     pictures += distribution_pictures(found, number) if place < _MOST_DRAWN else ()
     return Section(
@@ -177,7 +184,7 @@ def _bits_table(found: Comparison) -> ResultTable:
 
 def difference_picture(found: Comparison, number: int) -> Picture | None:
     """Return the relative differences of a window with their intervals; None without any."""
-    differences = _of_window(found, number)
+    differences = figures_of_window(found, number)
     if not any(math.isfinite(each.relative) for each in differences):
         return None
     # Values beside each row, below their headings.
@@ -197,8 +204,12 @@ def difference_picture(found: Comparison, number: int) -> Picture | None:
             if known.any():
                 reach = np.array([middle - low, high - middle])[:, known]
                 style: dict[str, Any] = {"color": colors()[color], "label": decision}
+                style |= {} if decision == DIFFERS else {"markerfacecolor": "none"}
                 places = np.array(rows)[known]
                 axes.errorbar(middle[known], places, 0, reach, "o", ms=5, capsize=2, **style)
+        if max(abs(edge) for edge in axes.get_xlim()) > _WIDE:  # one must not hide all others
+            axes.set_xscale("symlog", linthresh=100.0)
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         names = [f"{shown(each.quantity).label}, {FIGURES[each.figure]}" for each in differences]
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.4, -0.6)

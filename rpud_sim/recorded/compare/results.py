@@ -131,6 +131,9 @@ def texts(each: FigureDifference) -> tuple[str, str, str, str]:
     value, low, high = each.difference, each.low, each.high
     if math.isfinite(each.relative):
         unit, value, low, high = _PERCENT, each.relative, each.relative_low, each.relative_high
+    if math.isfinite(high - low) and high > low:  # digits far below the interval say nothing
+        places = 2 - math.floor(math.log10(high - low))
+        value, low, high = (round(each, places) for each in (value, low, high))
     interval = f"{unit.text(low, unit=False, sign=True)} to {unit.text(high, sign=True)}"
     return *figures, unit.text(value, sign=True), NONE if NONE in interval else interval
 

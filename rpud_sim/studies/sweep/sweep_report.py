@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_CLASSES = 12
+_MOST_COLORS = 5  # values of the second factor
 _CONFIDENCE = 0.95
 _RESAMPLES = 400
 _MOST_DOTS = 3_000  # of all pictures: a dot takes a hundred bytes of the page
@@ -65,10 +66,11 @@ numbers.</p>
 {% endif %}
 <h2 id="figures">Figures over parameters</h2>
 <p class="none">A marker is the mean over all points with one value of the parameter, or with
-neighbouring values where every point has its own. Bar or band are the 95 % interval of that mean by
+neighbouring values where every point has its own. In a grid each value of the factor with the
+fewest values has its own colour. Bar or band are the 95 % interval of that mean by
 Student's t, from the spread of the points; a single point has the spread of its simulations.</p>
 {% for name, plots in plots %}
-<details{{ " open" if loop.index <= open }}><summary>{{ name }}</summary>
+<details{{ " open" if loop.index <= open }}><summary>{{ name.replace("_", " ") }}</summary>
 {{ figures(plots, 20) }}
 </details>
 {% endfor %}
@@ -93,7 +95,7 @@ def sweep_page(
     repeat = "1 simulation" if sweep.repeat == 1 else f"{sweep.repeat} simulations"
     return render_page(
         _BODY,
-        f"Sweep over {', '.join(sweep.axes)}",
+        f"Sweep over {', '.join(sweep.axes).replace('_', ' ')}",
         seed=sweep.seed,
         repeat=f"{repeat} of {sweep.duration:g} s",
         count=count,
@@ -127,12 +129,16 @@ def _values(spread: Any) -> str:
 def point_picture(
     sweep: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
 ) -> Picture:
-    """Return a figure over an axis: single points, means and their intervals."""
+    """Return a figure over an axis: single points, means and intervals by the second factor."""
     points = independent(sweep, points)
     spread, shown, along = sweep.axes[name], figure_quantity(figure), axis_quantity(sweep, name)
-    choices = _is_choice(spread)
-    found = np.array(list(marginal_means(sweep, points, name, figure))).reshape(-1, 3)
-    at, mean, half = found.T * np.array([along.scale, shown.scale, shown.scale])[:, None]
+    choices, label, by = _is_choice(spread), shown.label, name.replace("_", " ")
+    scales = np.array([along.scale, shown.scale, shown.scale])[:, None]
+    groups = [
+        (text, np.array(list(marginal_means(sweep, part, name, figure))).reshape(-1, 3).T * scales)
+        for text, part in _by_second_factor(sweep, points, name)
+    ]
+    mean = np.concatenate([found[1] for _, found in groups])
     plots = len(sweep.axes) * len(sweep.figures)
     every = -(-len(points["point"]) // max(1, min(_MOST_PLOT_DOTS, _MOST_DOTS // plots)))
     places = along.scale * _places(points[name], spread)[::every]
@@ -140,34 +146,59 @@ def point_picture(
     words = tuple(map(str, spread.levels())) if choices else ()
 
     def draw(axes: Axes) -> None:
-        dots, marks = (places, values), (at, mean)
-        color, label = colors(), f"{figure} [{shown.unit}]" if shown.unit else figure
-        if choices:
-            axes.plot(*dots[::-1], ".", ms=3, color=color["muted"], alpha=0.5)
-            axes.errorbar(*marks[::-1], xerr=half, fmt="o", ms=4, capsize=2)
-            axes.set_yticks(range(len(words)), words)
-            axes.set_ylim(len(words) - 0.4, -0.6)
-            axes.set_xlabel(label)
-            return
+        color, unit = colors(), f" [{shown.unit}]" if shown.unit else ""
+        style: dict[str, Any] = {"ms": 3, "color": color["muted"], "alpha": 0.5}
+        axes.plot(*((values, places) if choices else (places, values)), ".", **style)
         if isinstance(spread, Range) and spread.scale == "log":
             axes.set_xscale("log")
-        axes.plot(*dots, ".", ms=3, color=color["muted"], alpha=0.5)
-        axes.plot(*marks, "o-" if len(at) <= _MOST_CLASSES else "-", ms=4)
-        axes.fill_between(at, mean - half, mean + half, alpha=0.3)
-        axes.set_xlabel(f"{name} [{along.unit}]" if along.unit else name)
+        for number, (text, (at, middle, half)) in enumerate(groups):
+            if choices:
+                beside = 0.16 * (number - 0.5 * (len(groups) - 1))
+                axes.errorbar(
+                    middle, at + beside, xerr=half, fmt="o", ms=4, capsize=2, label=text or None
+                )
+                continue
+            kind = "o-" if len(at) <= _MOST_CLASSES else "-"
+            axes.plot(at, middle, kind, ms=4, label=text or None)
+            axes.fill_between(at, middle - half, middle + half, alpha=0.3 if not text else 0.15)
+        if choices:
+            axes.set_yticks(range(len(words)), words)
+            axes.set_ylim(len(words) - 0.4, -0.6)
+        along_unit = f" [{along.unit}]" if along.unit else ""
+        axes.set_xlabel(f"{label}{unit}" if choices else f"{by}{along_unit}")
 
     alt = "No point has this figure."
     if len(mean):
         ends = (shown.text(value / shown.scale) for value in (mean.min(), mean.max()))
         alt = f"Mean from {' to '.join(ends)}."
-    title = f"{figure} by {name}" if choices else f"{figure} [{shown.unit}]"
+    title = f"{label} by {by}" if choices or not shown.unit else f"{label} [{shown.unit}] by {by}"
     return picture(title, alt, draw, max(_HEIGHT, 70 + _ROW * len(words)))
+
+
+def _by_second_factor(
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray], name: str
+) -> Iterator[tuple[str, Mapping[str, np.ndarray]]]:
+    """Yield the points of each value of a grid's second factor, in words.
+
+    It is the factor with the fewest values; means over all of them would hide what it does. Without
+    one of at most ``_MOST_COLORS`` values these are all points, without words.
+    """
+    others = [(axis.count, each) for each, axis in sweep.axes.items() if each != name]
+    count, other = min(others, default=(0, ""))
+    if sweep.design != "grid" or not 1 < count <= _MOST_COLORS:
+        yield "", points
+        return
+    shown = axis_quantity(sweep, other)
+    for level in np.unique(points[other]):
+        value = shown.text(float(level)) if not _is_choice(sweep.axes[other]) else str(level)
+        chosen = points[other] == level
+        yield value, {each: values[chosen] for each, values in points.items()}
 
 
 def share_picture(figure: str, item: Mapping[str, Any]) -> Picture:
     """Return the shares of a figure's variance that inputs cause, the greatest first."""
     causes = sorted(item["inputs"].items(), key=lambda each: -each[1]["total"])
-    names = (*(name for name, _ in causes), "noise")
+    names = (*(name.replace("_", " ") for name, _ in causes), "noise")
     rows: list[Sequence[float]] = [(s["total"], *s["total_interval"]) for _, s in causes]
     value, low, high = np.array([*rows, (item["noise_share"], *item["noise_share_interval"])]).T
     alone = [share["first"] for _, share in causes]
@@ -181,7 +212,7 @@ def share_picture(figure: str, item: Mapping[str, Any]) -> Picture:
         axes.set_xlabel("share of the variance")
 
     alt = f"Greatest share: {names[0]} with {value[0]:.2f}; noise {value[-1]:.2f}."
-    return picture(figure, alt, draw, 90 + _ROW * len(names))
+    return picture(figure_quantity(figure).label, alt, draw, 90 + _ROW * len(names))
 
 
 def _is_choice(spread: Range | Values) -> bool:

@@ -1,25 +1,31 @@
 // @ts-check
-/* Header of the screen: what the drill does, and what a reader can ask of it. */
+/* Header of the screen: what the drill does, what is commanded, and what a reader can ask of it. */
 import { element, elements, make } from "./dom.js";
 import { inWords, numberText, valueText } from "./quantities.js";
 
-/** Actions on a running drill; each refusal is written beside the control that caused it. */
+const DONE = 1500; // for which a confirmed action is called so [ms]
+
+/** Actions on a running drill; each outcome is written below the control that caused it. */
 export class Controls {
   /** @param {(request: Record<string, any>) => void} send */
   constructor(send) {
     this.send = send;
     /** @type {import("./marks.js").Seen} */ this.seen = {};
-    this.told = -1; // number of the last outcome that was written
     this.lost = ""; // why no action reaches the drill
     this.frame = 0; // number of the last frame
-    /** @type {Map<HTMLElement, string>} */ this.pending = new Map(); // names of actions by their controls
+    /** @type {Map<string, HTMLElement>} */ this.pending = new Map(); // controls by the identifiers of their actions
     this.refused = 0; // actions of this page that were not even asked of the drill
     /** @type {HTMLElement | null} */ this.last = null; // control that acted last
+    /** @type {Map<string, HTMLElement>} */ this.alarms = new Map(); // rows by fault
+    /** @type {Record<string, number | undefined>} */ this.applied = {}; // commands in force, by the fields that change them
     this.weight = element("weight", HTMLInputElement);
-    this.slide = element("slide", HTMLInputElement);
-    this.slide.oninput = () => (this.weight.value = this.slide.value);
-    this.weight.oninput = () => (this.slide.value = this.weight.value);
-    for (const control of elements(".control.live")) control.append(make("output", { className: "outcome", onclick: () => this.write(control, "") }));
+    this.rate = element("rate", HTMLInputElement);
+    for (const control of elements(".control.live")) control.append(make("output", { className: "outcome" }));
+    for (const field of elements(".control.live input, .control.live select")) field.oninput = () => this.edited(field);
+    for (const button of elements("[data-nudge]")) {
+      const field = /** @type {HTMLInputElement} */ (elements("input", button.parentElement ?? document)[0]);
+      button.onclick = () => ((field.value = String(Number((Number(field.value) + Number(button.dataset.nudge)).toPrecision(9)))), this.edited(field));
+    }
     for (const form of elements("form[data-act]"))
       form.onsubmit = (event) => {
         event.preventDefault();
@@ -27,42 +33,39 @@ export class Controls {
         this.act(form, this.filled(form));
       };
     for (const button of elements("button[data-act]")) button.onclick = () => this.act(button, JSON.parse(button.dataset.arguments ?? "{}"));
-    for (const popover of elements("[popover]"))
+    for (const popover of elements("[popover]:not(#keys)"))
       popover.ontoggle = () => {
         const { left = 0, bottom = 0 } = popover.parentElement?.getBoundingClientRect() ?? {};
         popover.style.left = `${Math.max(8, Math.min(left, innerWidth - popover.offsetWidth - 8))}px`;
-        popover.style.top = `${bottom + 6}px`;
+        popover.style.top = `${Math.max(8, Math.min(bottom - 14, innerHeight - popover.offsetHeight - 8))}px`;
       };
-  }
-
-  /** Forget the counts: another server begins at zero. */
-  forget() {
-    [this.told, this.refused, this.frame] = [-1, 0, 0];
+    for (const id of ["kinds", "channels"]) element(id).onchange = () => this.drawForm();
   }
 
   /** @param {HTMLElement} origin with the name of the action @param {Record<string, any>} given */
   act(origin, given) {
-    this.last = origin.closest(".control.live");
+    this.last = origin.closest(".control.live") ?? elements("[data-of~=clear]")[0];
     this.write(this.last, this.lost ? "not connected" : "pending");
     if (this.lost) return;
-    if (this.last) this.pending.set(this.last, origin.dataset.act ?? "");
-    this.send({ act: origin.dataset.act, arguments: given, frame: this.frame });
+    const id = Math.random().toString(36).slice(2); // other pages and those before this one ask, too
+    this.pending.set(id, this.last);
+    this.send({ act: origin.dataset.act, arguments: given, frame: this.frame, id });
   }
 
   /** Say that nothing reaches the drill now, and what was not confirmed. @param {string} lost why, or "" */
   lose(lost) {
     if (lost === this.lost) return;
     this.lost = lost;
-    for (const control of lost ? this.pending.keys() : []) this.write(control, "not connected: not confirmed");
-    if (lost) this.pending.clear();
+    for (const control of elements(".control.live"))
+      if (!lost || [...this.pending.values()].includes(control)) this.write(control, lost && "not connected: not confirmed");
+    this.pending.clear();
     this.drawState();
   }
 
-  /** @param {HTMLElement} control whose action is done */
-  confirm(control) {
-    const is = this.pending.delete(control);
-    this.write(control, is ? "done" : "");
-    if (is) setTimeout(() => elements(".outcome", control)[0]?.textContent === "done" && this.write(control, ""), 1500);
+  /** A reason why a command was refused goes when it changes. @param {HTMLElement} field */
+  edited(field) {
+    this.write(field.closest(".control.live"), "");
+    this.drawState();
   }
 
   /** @param {HTMLElement} form @returns {Record<string, any>} what is filled in */
@@ -71,82 +74,132 @@ export class Controls {
     const given = form.dataset.act === "drive" ? { enabled: Boolean(this.seen.status?.drive_enabled) } : {};
     for (const field of elements("input, select", form)) {
       const { name, value, type } = /** @type {HTMLInputElement} */ (field);
-      if (name && value) given[name] = type === "number" ? Number(value) * Number(field.dataset.scale ?? 1) : value;
+      const shown = !field.closest("[hidden]");
+      if (name && value && shown) given[name] = type === "number" ? Number((Number(value) * Number(field.dataset.scale ?? 1)).toPrecision(12)) : value;
     }
     return given;
   }
 
-  /** @param {HTMLElement | null} control @param {string} text */
-  write(control, text) {
-    for (const outcome of control ? elements(".outcome", control) : []) outcome.textContent = text;
+  /** @param {HTMLElement | null} control @param {string} text @param {string} [state] */
+  write(control, text, state = text) {
+    for (const outcome of control ? elements(".outcome", control) : []) [outcome.textContent, outcome.dataset.state] = [text, state];
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame what is new */
   draw(seen, frame) {
     this.seen = seen;
     this.frame = frame.number;
-    if (frame.status || frame.connection || frame.faults) this.drawState();
     if (frame.outcomes) this.drawOutcomes(frame.outcomes);
-    if (frame.refused && frame.refused[0] > this.refused) {
-      this.write(this.last, frame.refused[1]);
-      if (this.last) this.pending.delete(this.last);
-      this.refused = frame.refused[0];
-    }
-    for (const [id, names] of /** @type {const} */ ([["kinds", frame.kinds], ["channels", frame.channels && ["", ...frame.channels]]])) {
-      if (!names) continue;
-      const select = element(id, HTMLSelectElement);
-      const { value } = select;
-      select.replaceChildren(...names.map((name) => new Option(inWords(name) || "none", name, false, name === value)));
-    }
-    if (frame.faults) this.drawFaults(frame.faults);
+    if (frame.refused && frame.refused[0] > this.refused) this.pending.delete([...this.pending.keys()].pop() ?? ""), this.write(this.last, frame.refused[1], "refused");
+    this.refused = frame.refused?.[0] ?? this.refused;
+    if (frame.kinds) this.drawKinds(frame.kinds);
+    this.drawState();
+    this.drawAlarms();
   }
 
   drawState() {
-    const { status = {}, faults = [], at = Infinity } = this.seen, { lost } = this;
-    const active = (/** @type {import("./frames.js").Fault} */ { onset, end }) => onset <= at && (end === null || at < end);
-    const jammed = faults.some((fault) => active(fault) && fault.kind === "free_mass_jammed");
+    const { status = {}, faults = [], numbers = {}, values = {}, timing = {} } = this.seen, { lost } = this;
+    const jammed = faults.some((fault) => this.isActive(fault) && fault.kind === "free_mass_jammed");
     const runs = jammed ? "jammed" : status.drive_enabled === false ? "drive off" : status.regime;
     const state = lost || (status.state === "running" ? runs : status.state ?? "");
     element("state").dataset.state = element("doing").textContent = state;
-    const stands = status.state === "paused" || status.state === "stopped";
-    element("pause").dataset.act = stands ? "play" : "pause";
-    element("pause").textContent = stands ? "Play" : "Pause";
-    element("drive").ariaPressed = String(Boolean(status.drive_enabled));
-    element("drive").textContent = status.drive_enabled ? "Drive on" : "Drive off";
-    element("drive").dataset.arguments = JSON.stringify({ enabled: !status.drive_enabled });
-    element("driven").textContent = `${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}`;
-    element("engage").textContent = status.regime === "free" ? "Engage" : "Retract";
-    element("engage").dataset.arguments = JSON.stringify({ on: status.regime === "free" });
-    const feeds = [status.feed_rate, status.feed_position].some(Number.isFinite); // with an arm the weight on bit follows from the feed
-    const given = Number.isFinite(status.mount_position); // and here from the mount, which another simulator moves
-    [element("press").hidden, element("feed").hidden] = [feeds || given, !feeds];
-    const weight = status.weight_on_bit;
-    if (!Number.isFinite(weight) || weight === this.pressed) return; // what a reader has typed stays
-    this.pressed = weight;
-    while (Number(this.slide.max) < weight) this.slide.max = String(2 * Number(this.slide.max));
-    this.weight.value = this.slide.value = String(Number(weight.toPrecision(6)));
+    const stands = status.state === "paused" || status.state === "stopped", known = Boolean(status.state);
+    const pressed = { plays: !stands, pauses: stands, on: status.drive_enabled, off: !status.drive_enabled,
+      engages: status.regime !== "free", retracts: status.regime === "free" };
+    for (const [id, is] of Object.entries(pressed)) element(id).ariaPressed = String(known && Boolean(is));
+    const { feed_rate: rate, feed_position: place } = status, feeds = [rate, place].some(Number.isFinite); // with an arm the weight on bit follows from the feed
+    [element("press").hidden, element("feed").hidden] = [feeds || Number.isFinite(status.mount_position), !feeds]; // or from the mount
+    /** @type {Record<string, string>} */
+    const texts = {
+      stands: stands ? "stands" : known ? "runs" : "",
+      "weight-set": `set ${valueText("weight_on_bit", status.weight_on_bit)}`,
+      "weight-actual": `reacting ${valueText("reacting_force", numbers.reacting_force?.mean)}`,
+      "feed-set": `set ${Number.isFinite(rate) ? valueText("feed_rate", rate) : valueText("feed", place)}`,
+      "feed-actual": `at ${valueText("feed", values.mount?.feed)}`,
+      driven: `set ${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}`,
+      "drive-actual": `tip \u00b1${valueText("vibration_amplitude", status.vibration_amplitude)}`,
+      place: status.regime === "free" ? "not in the rock" : known ? "in the rock" : "",
+      factor: timing["real-time factor"] ? `\u00d7${Number(timing["real-time factor"]).toFixed(2)}` : "",
+      count: faults.length ? `${faults.filter((fault) => this.isActive(fault)).length} active` : "none",
+    };
+    for (const [id, text] of Object.entries(texts)) if (element(id).textContent !== text) element(id).textContent = text;
+    this.follow(this.weight, status.weight_on_bit);
+    if (Number.isFinite(rate)) this.follow(this.rate, rate * 1e3);
+  }
+
+  /** Mark a field that says something else than what is in force; what a reader has typed stays.
+   * @param {HTMLInputElement} field @param {number | undefined} value in force, in its unit */
+  follow(field, value) {
+    if (value === undefined || !Number.isFinite(value)) return;
+    value = Number(value.toPrecision(6));
+    if (this.applied[field.id] !== value) field.value = String(value);
+    this.applied[field.id] = value;
+    const control = field.closest("[data-of]"), differs = Number(field.value) !== value;
+    field.classList.toggle("pending", differs);
+    if (control instanceof HTMLElement && !elements(".outcome", control)[0].textContent && differs) this.write(control, "not applied yet", "edited");
+    else if (control instanceof HTMLElement && elements(".outcome", control)[0].dataset.state === "edited" && !differs) this.write(control, "");
   }
 
   /** @param {import("./frames.js").Outcome[]} outcomes */
   drawOutcomes(outcomes) {
-    const news = outcomes.filter((each) => each.number > this.told);
-    // What other readers did before this page was there is not its own.
-    for (const { name, state, text } of this.told < 0 ? [] : news)
-      for (const control of elements(`[data-of~="${name}"]`)) state === "done" ? this.confirm(control) : (this.pending.delete(control), this.write(control, text));
-    this.told = Math.max(0, this.told, ...news.map((each) => each.number));
+    for (const { asker, state, text } of outcomes) {
+      const control = this.pending.get(asker);
+      if (!control) continue; // it is another page's
+      this.pending.delete(asker);
+      this.write(control, state === "done" ? "done" : text, state);
+      if (state === "done") setTimeout(() => elements(".outcome", control)[0]?.dataset.state === "done" && this.write(control, ""), DONE);
+    }
   }
 
-  /** @param {import("./frames.js").Fault[]} faults */
-  drawFaults(faults) {
-    const active = faults.filter((fault) => fault.active);
-    element("fault").textContent = active.length ? `Fault (${active.length})` : "Fault";
-    element("active").replaceChildren(...active.map(({ number, kind, channel, magnitude, onset }) => {
-      const size = Number.isFinite(magnitude) ? numberText(/** @type {number} */ (magnitude)) : "";
-      const words = [inWords(kind), channel && `of ${inWords(channel)}`, size, `since ${onset.toFixed(2)} s`].filter(Boolean).join(" ");
-      const clear = make("button", { type: "button", textContent: "Clear", ariaLabel: `clear fault ${number}` });
-      clear.dataset.act = "clear";
-      clear.onclick = () => this.act(clear, { which: number });
-      return make("li", {}, words, clear);
-    }));
+  /** @param {Record<string, import("./frames.js").FaultForm>} kinds */
+  drawKinds(kinds) {
+    const select = element("kinds", HTMLSelectElement), { value } = select;
+    select.replaceChildren(...Object.keys(kinds).map((name) => new Option(inWords(name), name, false, name === value)));
+    this.drawForm();
+  }
+
+  /** Ask only for what the chosen kind of fault has. */
+  drawForm() {
+    const form = this.seen.kinds?.[element("kinds", HTMLSelectElement).value];
+    if (!form) return;
+    const select = element("channels", HTMLSelectElement), { value } = select, magnitude = element("magnitude", HTMLInputElement);
+    select.replaceChildren(...form.channels.map((name) => new Option(inWords(name), name, false, name === value)));
+    const size = form.sizes[select.value];
+    element("kind-says").textContent = form.says;
+    for (const [field, has] of /** @type {const} */ ([[select, form.channels.length > 0], [magnitude, size !== undefined]]))
+      if (field.parentElement) field.parentElement.hidden = !has;
+    if (!size) return;
+    element("meaning").textContent = size[0] ? `${form.meaning} [${size[0]}]` : form.meaning;
+    magnitude.placeholder = numberText(size[1]);
+  }
+
+  /** @param {import("./frames.js").Fault} fault */
+  isActive({ onset, end }) {
+    const { at = Infinity } = this.seen;
+    return onset <= at && (end === null || at < end);
+  }
+
+  /** A row for each fault that is active. */
+  drawAlarms() {
+    const { faults = [], at, now = 0 } = this.seen;
+    const active = faults.filter((fault) => this.isActive(fault));
+    const names = active.map(({ number, onset }) => `${number} ${onset}`);
+    for (const [name, row] of this.alarms) if (!names.includes(name)) row.remove(), this.alarms.delete(name);
+    active.forEach(({ number, kind, channel, size, onset }, place) => {
+      let row = this.alarms.get(names[place]);
+      if (!row) {
+        const clear = make("button", { type: "button", className: "live", textContent: "Clear", ariaLabel: `clear fault ${number}` });
+        clear.dataset.act = "clear";
+        clear.onclick = () => this.act(clear, { which: number });
+        const words = [make("b", { textContent: inWords(kind) }), channel && `on ${inWords(channel)}`];
+        row = make("li", {}, make("span", {}, ...words.flatMap((each) => (each ? [each, " "] : []))),
+          make("span", { textContent: size ? `magnitude ${size}` : "" }), make("span", { ariaHidden: "true" }), clear);
+        this.alarms.set(names[place], row);
+        element("alarms").append(row);
+      }
+      const age = `for ${Math.max(0, Math.floor((at ?? now) - onset))} s, since ${onset.toFixed(2)} s`;
+      const told = row.children[2];
+      if (told.textContent !== age) told.textContent = age;
+    });
   }
 }

@@ -1,7 +1,7 @@
 // @ts-check
 /* What few readers need at once: timing and losses, all values, the log, and tables of a report. */
 import { make } from "./dom.js";
-import { inWords, numberText } from "./quantities.js";
+import { inWords, numberText, siText } from "./quantities.js";
 
 /** Return a table that a reader can scroll.
  * @param {string} title @param {string[]} columns @param {unknown[][]} rows */
@@ -62,8 +62,11 @@ export class Details {
   valueTables() {
     const topics = Object.entries({ status: this.seen.status ?? {}, ...this.seen.values });
     const known = topics.filter(([, fields]) => Object.keys(fields).length);
-    const tables = known.map(([topic, fields]) => tableOf(topic, [], Object.entries(fields).map(([name, value]) => [inWords(name), value])));
-    return [make("p", { textContent: "The latest of each topic, in SI units." }), ...tables];
+    const tables = known.map(([topic, fields]) => tableOf(inWords(topic), [],
+      Object.entries(fields).map(([name, value]) => [inWords(name), siText(value, this.seen.units?.[topic]?.[name])])));
+    const { parameters = [] } = this.seen;
+    if (parameters.length) tables.push(tableOf("parameters, changed ones first", ["name", "value", "default"], parameters));
+    return [make("p", { textContent: "The latest of each topic." }), ...tables];
   }
 
   logRows() {

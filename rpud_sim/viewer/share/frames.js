@@ -12,15 +12,16 @@
  * @typedef {{quantity: string, label: string, kind: "band" | "line" | "steps", colour?: string}} PlotLayer
  * @typedef {{id: string, title: string, layers: PlotLayer[]}} Choice
  * @typedef {{id: string, title: string, choices: Choice[]}} PlotDefinition
- * @typedef {{number: number, kind: string, channel: string, magnitude: number | null, onset: number,
+ * @typedef {{number: number, kind: string, channel: string, magnitude: number | null, size: string, onset: number,
  *   end: number | null, active: boolean}} Fault
+ * @typedef {{says: string, channels: string[], meaning: string, sizes: Record<string, [string, number]>}} FaultForm
  * @typedef {{time: number, kind: string, text: string}} Entry
  * @typedef {{time: number, period: number, nodal_plane: Float32Array, actuator: Float32Array,
  *   free_mass: Float32Array, drill_tool: Float32Array, contact_force: Float32Array,
  *   impacts: [number, number, number][]}} Section
  * @typedef {{mean: number | null, least: number | null, greatest: number | null,
  *   spark: Float32Array | number[]}} NumberOf
- * @typedef {{number: number, name: string,
+ * @typedef {{number: number, name: string, asker: string,
  *   state: "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
  *   zero: boolean}} Quantity
@@ -36,8 +37,9 @@
  *   numbers?: Record<string, NumberOf | null>, faults?: Fault[],
  *   steps?: Record<string, Steps>,
  *   gaps?: [number, number][], view?: View, section?: Section, moments?: {time: number, frame: Partial<Frame>}[], kept?: number,
- *   timeline?: {t: Float64Array, low: Float32Array, mean: Float32Array, high: Float32Array},
- *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
+ *   timeline?: {t: Float64Array, low: Float32Array, mean: Float32Array, high: Float32Array, of: string},
+ *   hole?: any, kinds?: Record<string, FaultForm>, outcomes?: Outcome[],
+ *   units?: Record<string, Record<string, string>>, parameters?: string[][],
  *   refused?: [number, string], timing?: Record<string, string>,
  *   losses?: Record<string, number>, log?: Entry[], log_thinned?: number,
  *   jump?: {time?: number, peak_force?: number, contact_duration?: number, none?: string}, report?: Report, error?: string,

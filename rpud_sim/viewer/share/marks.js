@@ -1,23 +1,26 @@
 // @ts-check
 /* What all plots over time share: the axis, the cursor, and marks of faults, gaps, commands and the playhead. */
-import { LONG, colourOf, inWords, timeText } from "./quantities.js";
+import { LONG, clockText, colourOf, inWords, timeText } from "./quantities.js";
 
 /**
- * @typedef {Partial<import("./frames.js").Frame>} Seen what all frames of a run have said
+ * @typedef {Partial<import("./frames.js").Frame> & {mark?: number | null}} Seen what all frames of a run have said, and the second cursor
  * @typedef {{start: number, end: number}} Range
  * @typedef {{zoom: (start: number, end: number) => void, look: (zoomed: Range | null) => void,
- *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
+ *   point: (time: number | null) => void, click: (time: number) => void, move: (shift: number) => void,
+ *   mark: (time: number) => void}} Listener hands of the reader
  */
 
 export const AXIS = 52; // width of every axis of values, as --axis [px]
 export const END = 10; // free on the right, as --end [px]
 
+const LONG_RUN = 600; // s; from here on axes have hours and minutes
+const MINUTES = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 43200, 86400, 604800]; // steps of these [s]
 const STEPS = Array.from({ length: 60 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
 
 /** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
 export function axisOf(options) {
   return {
-    stroke: () => colourOf("muted"), font: "11px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
+    stroke: () => colourOf("muted"), font: "12px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
     grid: { stroke: () => colourOf("rule"), width: 1 },
     values: (_, values, __, ___, step) => tickTexts(values, step),
     ...options,
@@ -37,8 +40,17 @@ export function keepSize(plot, host, then) {
 /** @param {(number | null)[]} values of an axis, null for none @param {number} step between them @returns {string[]} */
 function tickTexts(values, step) {
   const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-  const text = (/** @type {number} */ value) => (Math.abs(value) < LONG ? value.toFixed(places) : value.toExponential(1));
+  const most = Math.max(...values.map((value) => Math.abs(value ?? 0))), plain = most < LONG && (most >= 1e-3 || !most);
+  const text = (/** @type {number} */ value) => (plain || !value ? value.toFixed(plain ? places : 0) : value.toExponential(1));
   return values.map((value) => (value === null ? "" : text(value).replace("-", "\u2212")));
+}
+
+/** @param {number[]} times of an axis [s] @param {number} step between them @returns {string[]} with their units */
+function timeTexts(times, step) {
+  if (step >= 1 && times[times.length - 1] >= LONG_RUN) return times.map((time) => clockText(time));
+  if (step >= 0.01) return tickTexts(times, step).map((text) => `${text} s`);
+  const whole = Math.floor(times[0] ?? 0), texts = tickTexts(times.map((time) => 1e3 * (time - whole)), 1e3 * step);
+  return texts.map((text, place) => (whole ? `${place ? "" : `${whole} s `}+${text} ms` : `${text} ms`));
 }
 
 /** Return the time axis of a plot, whose times may be written below another one.
@@ -46,9 +58,11 @@ function tickTexts(values, step) {
 export function timeAxis(written) {
   return axisOf({
     size: written ? 18 : 0, gap: 4, space: 90,
+    incrs: (plot) => (Number(plot.scales.x.max) >= LONG_RUN ? [...STEPS.filter((each) => each < 1), ...MINUTES] : STEPS),
     values: (plot, values, _, __, step) => {
-      const edge = plot.bbox.width / uPlot.pxRatio + 8; // a text that would be cut there is left out
-      return tickTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.2 * text.length < edge ? text : ""));
+      const [before, edge] = [-plot.bbox.left, plot.bbox.width].map((each) => each / uPlot.pxRatio);
+      const fits = (/** @type {number} */ x, /** @type {number} */ half) => x - half > before && x + half < edge + 8; // others would be cut
+      return timeTexts(values, step).map((text, i) => (written && fits(plot.valToPos(values[i], "x"), 3.5 * text.length) ? text : ""));
     },
   });
 }
@@ -61,7 +75,22 @@ export function sharedCursor(listener) {
   const cursor = {
     y: false, points: { show: false }, drag: { setScale: false, x: true, y: false, dist: 4 },
     sync: { key: "time", scales: ["x", null], filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" } },
-    bind: { dblclick: () => () => (listener.look(null), null) },
+    bind: {
+      dblclick: () => () => (listener.look(null), null),
+      mousedown: (plot, _, handler) => (event) => {
+        if (!event.shiftKey || event.button) return handler(event);
+        let [from, moved] = [event.clientX, false];
+        const release = new AbortController();
+        document.addEventListener("mousemove", ({ clientX }) => {
+          moved ||= Math.abs(clientX - from) > 3;
+          if (!moved) return;
+          listener.move(plot.posToVal(from, "x") - plot.posToVal(clientX, "x"));
+          from = clientX;
+        }, release);
+        document.addEventListener("mouseup", () => (release.abort(), moved || listener.mark(plot.posToVal(plot.cursor.left ?? 0, "x"))), release);
+        return null;
+      },
+    },
   };
   return {
     legend: { show: false },
@@ -75,7 +104,7 @@ export function sharedCursor(listener) {
       }],
       ready: [(plot) => {
         plot.over.addEventListener("mousedown", () => (dragged = false));
-        plot.over.addEventListener("click", (event) => dragged || listener.click(plot.posToVal(event.offsetX, "x")));
+        plot.over.addEventListener("click", (event) => dragged || event.shiftKey || listener.click(plot.posToVal(event.offsetX, "x")));
       }],
     },
   };
@@ -92,7 +121,7 @@ export function drawSpans(plot, seen) {
   const place = placesOf(plot);
   for (const fault of seen.faults ?? []) {
     const [from, to] = [place(fault.onset), place(fault.end ?? seen.now ?? Infinity)];
-    ctx.fillStyle = colourOf("fault", 0.11);
+    ctx.fillStyle = colourOf("fault", 0.07);
     ctx.fillRect(from, bbox.top, to - from, bbox.height);
     ctx.fillStyle = colourOf("fault", 0.7);
     if (from > bbox.left && from < bbox.left + bbox.width) ctx.fillRect(from, bbox.top, uPlot.pxRatio, bbox.height);
@@ -137,13 +166,13 @@ export function drawWords(plot, seen) {
   const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
   const words = [...faults, ...commandsOf(seen).map(({ time, text, kind }) => ({ time, text, colour: kind === "failure" ? "fault" : "command" }))];
   ctx.save();
-  ctx.font = `${11 * uPlot.pxRatio}px system-ui, sans-serif`;
+  ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
   [ctx.textAlign, ctx.textBaseline] = ["left", "top"];
   let free = bbox.left; // from here on
   for (const { time, text, colour } of words.sort((a, b) => a.time - b.time)) {
-    const x = plot.valToPos(time, "x", true) + 4 * uPlot.pxRatio;
-    const end = x + ctx.measureText(text).width;
-    if (x < free || end > bbox.left + bbox.width) continue;
+    const { width } = ctx.measureText(text), at = plot.valToPos(time, "x", true), gap = 4 * uPlot.pxRatio;
+    const x = at + gap + width > bbox.left + bbox.width ? at - gap - width : at + gap, end = x + width;
+    if (x < free || at > bbox.left + bbox.width) continue;
     ctx.fillStyle = colourOf(colour);
     ctx.fillText(text, x, bbox.top + 2 * uPlot.pxRatio);
     free = end;

@@ -16,7 +16,7 @@ export function mountMotion(element, clock) {
   const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of the last 20 ms", ariaValueMax: "0" });
   const cursor = make("div", { className: "cursor" }), dot = make("i"), title = make("figcaption"), unit = make("small");
   const outputs = MOTION_LINES.map(([, label, colour]) => {
-    const entry = make("span", { className: "key" }), output = make("output");
+    const entry = make("span", { className: "key" }), output = make("output", { ariaLive: "off" });
     entry.style.setProperty("--of", `var(--${colour})`);
     entry.append(make("span", { textContent: label }), output);
     title.append(entry);
@@ -40,7 +40,7 @@ export function mountMotion(element, clock) {
       y: { dir: -1, range: () => [low, high + ((high - low) * MOTION_FORCES) / Math.max(area.clientHeight - MOTION_FORCES - 24, 20)] },
     },
     axes: [
-      axisOf({ size: 18, gap: 4, space: 90 }),
+      axisOf({ size: 18, gap: 4, space: 90, values: (_, ticks) => ticks.map((each) => (each ? `${each} ms`.replace("-", "\u2212") : "0")) }),
       axisOf({ size: AXIS, gap: 6, space: 26, filter: above, grid: { stroke: () => colourOf("rule"), width: 1, filter: above } }),
     ],
     hooks: { draw: [drawForces] },

@@ -12,7 +12,7 @@ export class Numbers {
   /** @param {HTMLElement} host list of descriptions */
   constructor(host) {
     this.tiles = NAMES.map((name) => {
-      const [label, value, unit, ends] = [make("dt"), make("output"), make("small"), make("small", { className: "ends" })];
+      const [label, value, unit, ends] = [make("dt"), make("output", { ariaLive: "off" }), make("small"), make("small", { className: "ends" })];
       const spark = document.createElementNS(SVG, "svg");
       spark.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
       spark.setAttribute("preserveAspectRatio", "none");
@@ -37,8 +37,10 @@ export class Numbers {
       value.textContent = valueText(name, shown?.mean, false, true);
       value.classList.toggle("long", value.textContent.length > 7);
       value.dataset.exact = String(shown?.mean);
-      const [least, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
-      ends.textContent = least === greatest ? "" : `${least} to ${greatest}`;
+      const [finest, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
+      // The least value needs no more places than the greatest.
+      const least = finest.length > greatest.length + 1 && Number.isFinite(Number(finest)) ? String(Number(Number(finest).toFixed(greatest.split(".")[1]?.length))) : finest;
+      ends.textContent = least === greatest ? "last 1 s" : `${least} to ${greatest}\nmin\u2013max, last 1 s`;
       line.setAttribute("d", sparkPath(shown?.spark ?? []));
     }
   }

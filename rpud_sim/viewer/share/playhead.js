@@ -13,7 +13,8 @@ export class Playhead {
     this.send = send;
     this.onMove = onMove;
     this.time = NaN; // [s]
-    this.moved = false; // by the reader; before, it is at the start
+    this.moved = false; // by the reader; before, it is at the start, or where the address says
+    /** @type {number | null} */ this.wanted = null; // by the address [s]
     this.playing = 0; // when it moved last [ms]; 0 while it stands
     /** @type {[number, number]} */ this.whole = [0, 0]; // ends of the recording
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
@@ -25,10 +26,11 @@ export class Playhead {
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
   draw({ mode, extent: [first, last] = [0, 0] }, { jump }) {
     this.whole = [first, last];
-    if (mode && mode !== "live" && !this.moved && first !== this.time) this.seek(first, false);
+    const begin = Math.min(Math.max(this.wanted ?? first, first), last);
+    if (mode && mode !== "live" && !this.moved && begin !== this.time) this.seek(begin, false);
     if (!jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = jump;
-    element("contact").hidden = time === undefined;
+    element("contact", HTMLButtonElement).disabled = time === undefined;
     element("found").textContent = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
     if (time === undefined) return;
     this.contact = [time - 0.5 * contact, time + 1.5 * contact];

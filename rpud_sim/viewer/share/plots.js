@@ -5,6 +5,7 @@ import { AXIS, END, axisOf, commandsOf, drawSpans, drawTimes, drawWords, sharedC
 import { axisRange, clippedEnds, colourOf, quantityOf, valueText } from "./quantities.js";
 
 const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
+const NEAR = 1e-3; // of a shorter view the axis of the motion fits the indentation [s]
 
 /** @typedef {import("./frames.js").PlotLayer} PlotLayer @typedef {import("./marks.js").Seen} Seen @typedef {import("./marks.js").Range} Range */
 
@@ -30,7 +31,7 @@ export function columnOf(values, count, scale = 1, ends = null) {
 }
 
 /** One plot, with its title or choice of quantities, and its legend. */
-class TimePlot {
+export class TimePlot {
   /** @param {import("./frames.js").PlotDefinition} definition @param {boolean} written whether times are written below it
    * @param {import("./marks.js").Listener} listener @param {string} chosen @param {(choice: string) => void} onChoice */
   constructor(definition, written, listener, chosen, onChoice) {
@@ -42,6 +43,7 @@ class TimePlot {
     /** @type {number | null} */ this.playhead = null;
     /** @type {[number, number] | null} */ this.ends = null; // of the axis of values
     this.span = 0; // for which these were fitted [s]
+    /** @type {Set<string>} */ this.hidden = new Set(); // quantities that the reader does not want
     this.title = make("figcaption");
     this.area = make("div", { className: "area" });
     this.figure = make("figure", { className: "plot" }, this.title, this.area);
@@ -61,10 +63,12 @@ class TimePlot {
     const { layers } = this.choice;
     const name = this.definition.choices.length > 1 ? this.select : make("b", { textContent: this.choice.title || this.definition.title });
     this.legend = layers.map((layer) => {
-      const [name, value] = [make("span"), make("output")];
-      const entry = make("span", { className: `key ${layer.kind}` }, name, value);
+      const [name, value] = [make("span"), make("output", { ariaLive: "off" })];
+      const entry = make("button", { type: "button", className: `key ${layer.kind}`, title: "hide or show" }, name, value);
       entry.style.setProperty("--of", `var(--${this.colour(layer)})`);
-      const words = layers.length === 1 && layer.kind === "band" ? "mean" : layer.label;
+      entry.onclick = () => this.hide(layer.quantity);
+      const own = layers.length === 1 || layer.label === (this.choice.title || this.definition.title);
+      const words = own && layer.kind === "band" ? "mean" : layer.label;
       return { layer, entry, name, value, words };
     });
     const unit = make("small", { textContent: quantityOf(layers[0].quantity).unit });
@@ -73,6 +77,23 @@ class TimePlot {
     this.ends = null;
     this.plot = new uPlot(this.options(), this.data(), this.area);
     this.draw(this.seen, this.range, this.playhead);
+  }
+
+  /** Title, unit and legend in words. */
+  get caption() {
+    const [{ quantity }] = this.choice.layers;
+    return `${this.choice.title || this.definition.title} [${quantityOf(quantity).unit}]: ${(this.legend ?? []).map(({ name }) => name.textContent).join("; ")}`;
+  }
+
+  /** Layers that the reader has not hidden. */
+  get shownLayers() {
+    return this.choice.layers.filter(({ quantity }) => !this.hidden.has(quantity));
+  }
+
+  /** Hide a quantity, or show it again. @param {string} quantity */
+  hide(quantity) {
+    if (!this.hidden.delete(quantity)) this.hidden.add(quantity);
+    this.choose(this.choice.id);
   }
 
   /** @param {PlotLayer} layer */
@@ -86,9 +107,10 @@ class TimePlot {
     /** @type {uPlot.Band[]} */ const bands = [];
     for (const layer of this.choice.layers) {
       const colour = this.colour(layer);
+      const show = !this.hidden.has(layer.quantity);
       const single = () => !this.known(layer)?.low && this.seen.view?.detail !== "overview"; // values, not bins
       /** @type {uPlot.Series} */
-      const shown = { stroke: () => colourOf(colour), width: 1.25, pxAlign: 0, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
+      const shown = { show, stroke: () => colourOf(colour), width: 1.25, pxAlign: 0, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
       if (shown.points && layer.kind === "steps") shown.points.show = false;
       else if (shown.points) shown.points.show = (plot, _, first, last) => single() && (last - first) * 6 < plot.bbox.width;
       if (layer.kind === "steps") shown.paths = uPlot.paths.stepped?.({ align: 1 });
@@ -96,7 +118,7 @@ class TimePlot {
       if (layer.quantity === "peak_force") shown.paths = (...of) => (single() ? null : uPlot.paths.linear?.()(...of) ?? null);
       series.push(shown);
       if (layer.kind !== "band") continue;
-      const edge = { width: 0, pxAlign: 0, stroke: () => "transparent", points: { show: false } };
+      const edge = { show, width: 0, pxAlign: 0, stroke: () => "transparent", points: { show: false } };
       series.push(edge, { ...edge });
       bands.push({ series: [series.length - 1, series.length - 2], fill: () => colourOf(colour, 0.25) });
     }
@@ -115,10 +137,11 @@ class TimePlot {
 
   /** @param {PlotLayer} layer @returns {import("./frames.js").Layer | undefined} what is known of it in the present view */
   known(layer) {
-    const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined;
-    if (!steps?.t.length) return this.seen.view?.layers[layer.quantity];
-    const [t, mean] = [Array.from(steps.t), Array.from(steps.v)];
-    return { t: [...t, Math.max(this.seen.now ?? 0, t[t.length - 1])], mean: [...mean, mean[mean.length - 1]] }; // the last one lasts
+    const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined, shown = this.seen.view?.layers[layer.quantity];
+    const before = layer.kind === "line" && (shown?.t[shown.t.length - 1] ?? Infinity) < this.range.start; // such as the mean of a second
+    if (!steps?.t.length && !before) return shown;
+    const [t, mean] = [Array.from(steps?.t ?? shown?.t ?? []), Array.from(steps?.v ?? shown?.mean ?? [])];
+    return { t: [...t, Math.max(steps ? this.seen.now ?? 0 : this.range.end, t[t.length - 1])], mean: [...mean, mean[mean.length - 1]] }; // the last one lasts
   }
 
   /** @returns {uPlot.AlignedData} times of all layers joined, and their values */
@@ -131,13 +154,19 @@ class TimePlot {
     return /** @type {uPlot.AlignedData} */ (tables.length === 1 ? tables[0] : uPlot.join(/** @type {any} */ (tables)));
   }
 
+  /** Layers to which the axis fits: in the view of a contact the tip may be far away. */
+  get fitted() {
+    const near = this.definition.id === "motion" && this.range.end - this.range.start < NEAR;
+    return this.shownLayers.filter(({ quantity }) => !(near && quantity === "actuator"));
+  }
+
   /** Fit the axis to what is in view; what lies beyond it is marked at its edges. */
   fit() {
     const { start, end } = this.range;
     const before = Math.abs((end - start) / this.span - 1) > 0.01 ? null : this.ends;
     this.span = end - start;
     /** @type {number[]} */ const values = [];
-    for (const layer of this.choice.layers) {
+    for (const layer of this.fitted) {
       const { scale } = quantityOf(layer.quantity);
       const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
       const [first, last] = [Math.max(0, placeOf(t, start)), placeOf(t, end) + 1];
@@ -159,6 +188,7 @@ class TimePlot {
     for (const { layer, entry, name, words } of this.legend ?? []) {
       const known = this.known(layer);
       entry.hidden = !known?.t.length;
+      entry.ariaPressed = String(!this.hidden.has(layer.quantity));
       const band = layer.kind === "band" && known?.low ? (known.band ?? seen.view?.band ?? "").replace("-", "\u2013") : "";
       name.textContent = [words, band].filter(Boolean).join(", ");
     }
@@ -173,9 +203,10 @@ class TimePlot {
     drawTimes(plot, commands, colourOf("command", 0.75), [3, 3]);
     drawTimes(plot, failures, colourOf("fault"));
     if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
+    if (typeof this.seen.mark === "number") drawTimes(plot, [this.seen.mark], colourOf("text"), [2, 2]);
     if (this.definition.id === "peak_force") drawWords(plot, this.seen);
     ctx.save();
-    for (const layer of this.choice.layers) {
+    for (const layer of this.fitted) {
       const { t, mean, low, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
       const { scale } = quantityOf(layer.quantity), { min = -Infinity, max = Infinity } = plot.scales.y;
       const beyond = [0, 0]; // values above and below the axis
@@ -191,7 +222,7 @@ class TimePlot {
         }
       const [above, below] = beyond;
       const texts = [above && `${above} above`, below && `${below} below`, outliers?.more && `${outliers.more} outliers not drawn`].filter(Boolean);
-      ctx.font = `${10 * ratio}px system-ui, sans-serif`;
+      ctx.font = `${12 * ratio}px system-ui, sans-serif`;
       [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
       ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 16 * ratio);
     }
@@ -220,16 +251,25 @@ class TimePlot {
     const time = left >= 0 ? plot.posToVal(left, "x") : this.playhead;
     if (plot.cursor.event) this.listener.point(left >= 0 ? time : null);
     for (const { layer, value } of this.legend ?? []) {
-      const { t, mean } = this.known(layer) ?? { t: [], mean: [] };
-      let place = time === null ? -1 : placeOf(t, time);
-      if (time !== null && layer.kind !== "steps" && t[place + 1] - time < time - (t[place] ?? -Infinity)) place += 1; // the nearest
-      const text = place < 0 ? "" : valueText(layer.quantity, mean[place]);
+      const [at, marked] = [time, this.seen.mark ?? null].map((each) => this.valuesAt(layer, each));
+      const [from, to] = (at?.slice(1) ?? []).map((each) => valueText(layer.quantity, each, false));
+      const ends = layer.kind === "band" && from !== to ? ` (${from} to ${to})` : "";
+      const more = at && marked ? `, \u0394\u00a0${valueText(layer.quantity, at[0] - marked[0])}` : "";
+      const text = at ? valueText(layer.quantity, at[0]) + ends + more : "";
       if (value.textContent !== text) value.textContent = text;
     }
   }
+
+  /** @param {PlotLayer} layer @param {number | null} time @returns {number[] | null} mean and ends of a layer there */
+  valuesAt(layer, time) {
+    const { t, mean, low = mean, high = mean } = this.known(layer) ?? { t: [], mean: [] };
+    let place = time === null ? -1 : placeOf(t, time);
+    if (time !== null && layer.kind !== "steps" && t[place + 1] - time < time - (t[place] ?? -Infinity)) place += 1; // the nearest
+    return place < 0 ? null : [mean[place], low[place], high[place]];
+  }
 }
 
-/** The plots, top to bottom; among them the one of the latest motion, which is drawn elsewhere. */
+/** The plots, top to bottom; that of the motion is there while the view is short. */
 export class PlotColumn {
   /** @param {HTMLElement} host @param {HTMLElement} motion figure of the latest motion
    * @param {import("./marks.js").Listener} listener @param {() => void} onChoice */
@@ -245,17 +285,22 @@ export class PlotColumn {
   /** @param {import("./frames.js").PlotDefinition[]} definitions */
   define(definitions) {
     for (const { plot } of this.plots) plot?.destroy();
-    this.plots = definitions.map((definition, number) => {
-      const [id, next] = [definition.id, definitions[number + 1]?.id ?? "motion"];
+    this.plots = definitions.map((definition) => {
+      const { id } = definition, last = definitions.findLast((each) => each.id !== "motion") ?? definition;
       const onChoice = (/** @type {string} */ choice) => ((this.choices[id] = choice), this.onChoice());
-      return new TimePlot(definition, id === "motion" || next === "motion", this.listener, this.choices[id], onChoice);
+      return new TimePlot(definition, definition === last, this.listener, this.choices[id], onChoice);
     });
-    this.host.replaceChildren(...this.plots.flatMap(({ definition, figure }) => (definition.id === "motion" ? [this.motion, figure] : [figure])));
+    this.host.replaceChildren(...this.plots.map(({ figure }) => figure));
   }
 
   /** Width of the area of data [px]. */
   get width() {
     return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END);
+  }
+
+  /** Plots that are seen. */
+  get shown() {
+    return this.plots.filter(({ figure }) => !figure.hidden);
   }
 
   /** @param {Seen} seen @param {Range} range @param {number | null} playhead */

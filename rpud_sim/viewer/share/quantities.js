@@ -19,8 +19,7 @@ export function setQuantities(list) {
 /** Return a quantity of the table, or one without a unit for the signal of another program.
  * @param {string} name @returns {import("./frames.js").Quantity} */
 export function quantityOf(name) {
-  const plain = { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };
-  return table.get(name) ?? plain;
+  return table.get(name) ?? { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };
 }
 
 /** Return a number with three significant digits, and with all of them before the point.
@@ -30,8 +29,7 @@ export function numberText(value, keep = false) {
   const places = Math.max(0, DIGITS - 1 - Math.floor(Math.log10(Math.abs(value))));
   const plain = places <= 9 && Math.abs(value) < LONG;
   const text = plain ? value.toFixed(places) : value.toExponential(DIGITS - 1).replace(/([+-])(\d)$/, "$10$2");
-  const short = keep || !text.includes(".") || text.includes("e") ? text : text.replace(/\.?0+$/, "");
-  return short.replace("-", "\u2212");
+  return (keep || !text.includes(".") || text.includes("e") ? text : text.replace(/\.?0+$/, "")).replace("-", "\u2212");
 }
 
 /** Return a value, given in SI units, as people read it; a dash for none.
@@ -43,11 +41,27 @@ export function valueText(name, value, unit = true, keep = false) {
   return unit && quantity.unit ? `${text}\u00a0${quantity.unit}` : text;
 }
 
+/** Return a value in SI units with a prefix that suits it; what is no number is as it was.
+ * @param {any} value @param {string} unit */
+export function siText(value, unit = "") {
+  if (typeof value !== "number" || !unit) return value;
+  const scaled = /^(m|m\/s|s|N|N s|N m|J|W|V|A|Hz|Pa)$/.test(unit) && value, power = scaled ? Math.floor(Math.log10(Math.abs(value)) / 3 + 1e-9) : 0;
+  const place = Math.max(-3, Math.min(unit === "s" ? 0 : 3, power));
+  return `${numberText(value / 1e3 ** place)} ${"nµm kMG"[place + 3].trim()}${unit}`;
+}
+
 /** Return a time of the run, as exact as a range of time shows it.
  * @param {number} time [s] @param {number} span [s] */
 export function timeText(time, span) {
   const places = Math.max(0, Math.min(9, 2 - Math.floor(Math.log10(Math.max(span, 1e-9)))));
   return `${time.toFixed(places)}\u00a0s`;
+}
+
+/** Return a time of the run as hours, minutes and seconds. @param {number} time [s] @param {number} places of the seconds */
+export function clockText(time, places = 0) {
+  const whole = Math.floor(time + 1e-9), two = (/** @type {number} */ value) => String(Math.floor(value)).padStart(2, "0");
+  const rest = places ? Math.max(time - whole, 0).toFixed(places).slice(1) : "";
+  return `${two(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}${rest}`;
 }
 
 /** Return words of an identifier, such as a kind of fault. @param {string} name */

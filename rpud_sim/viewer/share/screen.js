@@ -4,13 +4,14 @@ import { MotionClock } from "./clock.js";
 import { Controls } from "./controls.js";
 import { Details } from "./details.js";
 import { element, elements } from "./dom.js";
+import { saveCsv, savePng } from "./export.js";
 import { FrozenSource } from "./frozen_source.js";
 import { wordsAt } from "./marks.js";
 import { mountMotion } from "./motion.js";
 import { Numbers } from "./numbers.js";
 import { Playhead } from "./playhead.js";
 import { PlotColumn } from "./plots.js";
-import { setQuantities, timeText } from "./quantities.js";
+import { clockText, setQuantities, timeText } from "./quantities.js";
 import { mountSection } from "./section.js";
 import { SocketSource } from "./socket_source.js";
 import { Timeline } from "./timeline.js";
@@ -19,6 +20,7 @@ const LEAST = 1e-6; // time in view [s]
 const ASKED = 60; // between two requests for another view [ms]
 const ZOOM = 1.6; // by one key
 const SILENT = 2; // without data from here on a live screen says so [s]
+const KEPT = 300; // after so long a view is written into the address [ms]
 const SURE = 3; // impacts that a block has by the mean rate; one with none is of another time
 
 /** All that frames have said of this run, and what the reader looks at. */
@@ -28,6 +30,9 @@ class Screen {
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     /** @type {import("./marks.js").Range | null} */ this.zoomed = null; // null: follow the drill, or show all
     this.follow = 20; // of a live drill, in view [s]; infinite for the whole run
+    this.pointed = NaN; // time at the cursor [s]
+    this.keeping = 0;
+    this.fresh = performance.now(); // when the drill said something new [ms]
     this.asking = false;
     this.gone = ""; // when the server went
     this.heard = performance.now(); // when its last frame came [ms]
@@ -45,10 +50,11 @@ class Screen {
     this.controls = new Controls((request) => this.source.send(request));
     this.details = new Details(element("details"), element("report"));
     this.playhead = new Playhead((request) => this.source.send(request), () => this.reveal());
+    this.recall();
     this.listen();
     const Source = elements("script.frame").length ? FrozenSource : SocketSource;
     this.source = new Source((frame) => this.take(frame), (open, reason) => this.connect(open, reason));
-    setInterval(() => this.watch(), 500);
+    setInterval(() => this.watch(), 250);
   }
 
   /** Time since the newest data of a live screen, if that is long; else 0 [s]. */
@@ -70,6 +76,8 @@ class Screen {
     if (stale) document.documentElement.dataset.stale = "true";
     else delete document.documentElement.dataset.stale;
     this.controls.lose(this.lost);
+    const age = Math.max((performance.now() - this.fresh) / 1e3, this.seen.silent ?? 0);
+    element("age").textContent = this.seen.now === undefined ? "" : `data ${age < 10 ? age.toFixed(1) : Math.floor(age)} s old`;
     this.drawBanner();
   }
 
@@ -109,7 +117,6 @@ class Screen {
     this.heard = performance.now();
     this.watch();
     if (!open) return;
-    this.controls.forget();
     this.ask();
     if (this.past) this.playhead.seek(this.playhead.time, false);
     this.source.send({ section: true });
@@ -118,6 +125,7 @@ class Screen {
   /** Draw a frame with the next picture of the browser, and acknowledge it. @param {import("./frames.js").Frame} frame */
   take(frame) {
     this.heard = performance.now();
+    if (frame.now !== undefined || this.seen.status?.state !== "running") this.fresh = this.heard;
     requestAnimationFrame(() => (this.draw(frame), this.source.send({ ack: frame.number })));
   }
 
@@ -145,6 +153,7 @@ class Screen {
     if (frame.numbers) this.numbers.draw(frame.numbers);
     this.playhead.draw(seen, frame);
     seen.at = this.past ? this.playhead.time : undefined;
+    document.documentElement.dataset.heard = String(seen.now !== undefined);
     this.controls.draw(seen, frame);
     this.details.draw(seen, frame);
     this.watch();
@@ -182,17 +191,20 @@ class Screen {
   drawTime() {
     const { seen, range, span } = this;
     const playhead = this.past ? this.playhead.time : null;
-    const live = seen.status?.state === "paused" ? 0.1 : 30; // of a drill that stands, single steps are seen
-    element("time").textContent = timeText(playhead ?? seen.now ?? 0, this.past ? Math.max(span, 0.01) : live);
+    const live = seen.status?.state === "running" ? 0 : 3; // of a drill that stands, single steps are seen
+    element("time").textContent = clockText(playhead ?? seen.now ?? 0, this.past ? Math.min(9, Math.max(1, 2 - Math.floor(Math.log10(span)))) : live);
     element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
     for (const part of [this.plots, this.timeline]) part.draw(seen, range, playhead);
     for (const button of elements("#views button"))
       button.ariaPressed = String(!this.zoomed && Number(button.dataset.follow) === (this.past ? Infinity : this.follow));
+    element("back", HTMLButtonElement).disabled = this.follows;
+    if (this.past) return;
+    const state = element("doing").textContent;
+    document.title = [state, seen.drill, "rpud"].filter(Boolean).join(" \u2013 ");
   }
 
   drawDrills() {
     const { drills = [], drill = "" } = this.seen;
-    document.title = `${drill} \u2013 rpud`;
     element("drill").textContent = drill || "recording";
     [element("drill").hidden, element("drills").hidden] = [drills.length > 1, drills.length < 2];
     element("drills").replaceChildren(...drills.map((name) => new Option(name, name, false, name === drill)));
@@ -202,8 +214,8 @@ class Screen {
     const { connection, notice, error, read = 1, mode, drill } = this.seen;
     const lost = mode === "live" && connection && connection.state !== "connected" ? connection : null;
     const gone = `The server has gone at ${this.gone}${this.reason && `: ${this.reason}`}. The screen shows what it sent last, and connects again.`;
-    const since = lost?.state === "searching" ? `Searching for ${drill}` : `${drill} has gone at ${new Date(1e3 * (lost?.since ?? 0)).toLocaleTimeString()}`;
-    const late = this.age && `No data for ${Math.floor(this.age)} s: ${this.seen.silent ? drill : "the server"} does not answer. What is shown is so old.`;
+    const since = lost?.state === "searching" ? `Searching for ${drill}; \`rpud run\` starts a drill` : `${drill} has gone at ${new Date(1e3 * (lost?.since ?? 0)).toLocaleTimeString()}`;
+    const late = this.age && `${this.seen.silent ? drill : "The server"} does not answer. What is shown is from before.`;
     const state = error || (this.gone ? gone : late ? late : lost ? `${since}${lost.reason && `: ${lost.reason}`}` : "");
     const text = [state, read < 1 ? `${Math.floor(100 * read)} % of the bag is read.` : "", notice].filter(Boolean).join(" ");
     const banner = element("banner");
@@ -216,6 +228,8 @@ class Screen {
 
   /** Ask for what is in view; several changes at once become one request. */
   ask() {
+    clearTimeout(this.keeping);
+    this.keeping = setTimeout(() => this.keep(), KEPT);
     if (this.asking) return;
     this.asking = true;
     setTimeout(() => {
@@ -223,6 +237,25 @@ class Screen {
       const { range: { start, end }, plots: { width, choices } } = this;
       this.source.send({ view: this.follows ? { follow: this.follow, width } : { start, end, width }, choices });
     }, ASKED);
+  }
+
+  /** Write the view into the address, so that a reload or a colleague sees the same. */
+  keep() {
+    const { zoomed, follow, past, playhead, plots } = this;
+    const state = new URLSearchParams(Object.entries(plots.choices).map(([plot, choice]) => [`plot ${plot}`, choice]));
+    if (zoomed) state.set("view", `${zoomed.start} ${zoomed.end}`);
+    if (!past && follow !== 20) state.set("follow", String(follow));
+    if (past && playhead.moved) state.set("at", String(playhead.time));
+    history.replaceState(null, "", `#${state}`);
+  }
+
+  /** Take the view from the address. */
+  recall() {
+    const state = new URLSearchParams(location.hash.slice(1)), [start, end] = (state.get("view") ?? "").split(" ").map(Number);
+    if (end > start) this.zoomed = { start, end };
+    this.follow = Number(state.get("follow")) || this.follow;
+    this.playhead.wanted = state.has("at") ? Number(state.get("at")) || 0 : null;
+    for (const [name, choice] of state) if (name.startsWith("plot ")) this.plots.choices[name.slice(5)] = choice;
   }
 
   /** @param {number} start @param {number} end */
@@ -257,18 +290,29 @@ class Screen {
     if (this.past) this.playhead.seek(time);
   }
 
+  /** Set a second cursor, or remove it where it is. @param {number} time [s] */
+  mark(time) {
+    const { seen, span } = this;
+    seen.mark = typeof seen.mark === "number" && !(Math.abs(seen.mark - time) > 0.01 * span) ? null : time;
+    this.drawTime();
+    this.point(this.pointed);
+  }
+
   /** Keep the playhead in view. */
   reveal() {
+    this.ask();
     const { start, end } = this.range;
-    const { time, playing } = this.playhead;
+    const { time, playing, moved } = this.playhead;
     if (!playing) this.source.send({ section: true });
-    if (this.zoomed && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
+    if (this.zoomed && moved && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
     else this.drawTime();
   }
 
   /** @param {number | null} time at the cursor */
   point(time) {
-    element("cursor").textContent = time === null ? "" : wordsAt(this.seen, time, this.span);
+    this.pointed = time ?? NaN;
+    const from = this.seen.mark ?? NaN, apart = Number.isFinite(from - this.pointed) ? `\u0394\u00a0${timeText(this.pointed - from, this.span)} \u00b7 ` : "";
+    element("cursor").textContent = Number.isFinite(this.pointed) ? apart + wordsAt(this.seen, this.pointed, this.span) : "";
   }
 
   // --- Hands of the reader ---
@@ -281,6 +325,10 @@ class Screen {
         if (this.past && span < Infinity) this.zoom(this.playhead.time - 0.5 * span, this.playhead.time + 0.5 * span);
         else this.look(null);
       };
+    element("back").onclick = () => this.look(null);
+    const name = () => `${(this.seen.drill ?? "").replace(/\W+/g, "_").replace(/^_/, "") || "rpud"}_${this.range.start.toFixed(1)}_${this.range.end.toFixed(1)}`;
+    element("csv").onclick = () => saveCsv(this.plots.shown, this.range, name());
+    element("png").onclick = () => savePng(this.plots.shown, this.seen.drill ?? "", name());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawTime());
     element("contact").onclick = () => this.playhead.contact && this.zoom(...this.playhead.contact);
     const drills = element("drills", HTMLSelectElement);
@@ -295,6 +343,8 @@ class Screen {
       n: () => this.playhead.jump("next"),
       p: () => this.playhead.jump("previous"),
       " ": () => this.playhead.toggle(),
+      m: () => this.mark(Number.isFinite(this.pointed) ? this.pointed : this.past ? this.playhead.time : this.seen.now ?? 0),
+      "?": () => element("keys").showPopover(),
     };
     document.addEventListener("keydown", (event) => {
       const busy = event.target instanceof Element && event.target.closest(`input, select, [popover], .wide${event.key === " " ? ", button, summary" : ""}`);
@@ -305,8 +355,10 @@ class Screen {
       keys[event.key]();
     });
     const wheel = (/** @type {WheelEvent} */ event) => {
-      if (!event.ctrlKey || !(event.target instanceof Element)) return;
+      const across = event.deltaX || (event.shiftKey ? event.deltaY : 0);
+      if (!(event.ctrlKey || across) || !(event.target instanceof Element)) return;
       event.preventDefault();
+      if (!event.ctrlKey) return this.move((across / this.plots.width) * this.span);
       const { left, width } = event.target.closest("#plots .u-over")?.getBoundingClientRect() ?? { left: 0, width: 0 };
       this.scale(Math.exp(0.002 * event.deltaY), width ? this.range.start + ((event.clientX - left) / width) * this.span : undefined);
     };

@@ -78,6 +78,7 @@ function sectionDrawing() {
     <rect class="cut" x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/></g>
   <path class="axis" d="M${x} 4V${SECTION_BOTTOM}"/>
   ${moving(384, "free mass", "mass")}${moving(420, "drill tool", "tool")}<text data-part="step" class="muted" x="352" y="441"></text>
+  <text data-part="drawn" class="muted" x="352" y="459"></text>
   <g data-part="flash" class="force" opacity="0"><ellipse cx="${x}" rx="74" ry="15"/>
     <text data-part="force" class="big" x="${x - 46}" y="6" text-anchor="end"></text></g>
   <path data-part="chips" class="chips" d=""/>
@@ -95,12 +96,12 @@ export function mountSection(element, clock) {
   svg.innerHTML = sectionDrawing();
   const speed = document.createElement("select"), hold = document.createElement("button");
   const [legend, pace, factors] = ["p", "span", "span"].map((name) => document.createElement(name));
-  for (const each of [1, 2, 5, 20]) speed.add(new Option(`${each} ms`, `${each}`, each === clock.speed, each === clock.speed));
-  speed.ariaLabel = "motion that a second shows";
+  for (const each of [1, 2, 5, 20]) speed.add(new Option(`${1e3 / each}\u00d7`, `${each}`, each === clock.speed, each === clock.speed));
+  speed.ariaLabel = "slow motion";
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
   hold.addEventListener("click", () => clock.toggle());
   pace.className = "pace";
-  pace.append("1 s shows ", speed, " ", hold);
+  pace.append("slow motion ", speed, " ", hold);
   legend.append(pace, factors);
   element.classList.add("section");
   element.replaceChildren(svg, legend);
@@ -153,9 +154,10 @@ export function mountSection(element, clock) {
     set("bar", "d", `M14 ${SECTION_TOUCH}h8m-4 0V${top}m-4 0h8`);
     set("length", "y", (SECTION_TOUCH + top) / 2 + 4);
     write("length", sectionLength(length));
-    const stepped = stepFactor > factor;
-    factors.textContent = `motion ${factor} times its size${stepped ? `, the tool's step ${stepFactor} times` : ""}`;
-    write("step", block && stepped ? `step ×${stepFactor}: ${sectionLength(down, 2)}` : "");
+    factors.textContent = `motion drawn ${factor}×`;
+    const indents = block && stepFactor > factor;
+    write("step", indents ? `indentation ${sectionLength(down, 2)}` : "");
+    write("drawn", indents ? `drawn ${stepFactor}×` : "");
     write("tip-text", vibration > 1e-7 ? `tip, vibrates ±${sectionLength(vibration, 2)}` : "tip");
     element.classList.toggle("free", !inRock);
     ground();
@@ -182,7 +184,9 @@ export function mountSection(element, clock) {
         for (const fill of [`var(--stratum-${colour % 6})`, `url(#rock-${colour % 6})`])
           drawing.push(make("rect", { fill, x: left, y, width: right - left, height }));
         if (from > 0) drawing.push(path("line", `M${left} ${y}H${right}`));
-        if (height > 15) drawing.push(text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name));
+        const label = text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name), room = right - wall[1] - 12;
+        if (name.length * 8.8 > room) label.setAttribute("textLength", `${room}`), label.setAttribute("lengthAdjust", "spacingAndGlyphs");
+        if (height > 15) drawing.push(label);
       }
       const loose = `M${wall[0]} ${bottom}H${wall[1]}v${crushed}H${wall[0]}Z`;
       drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose),
@@ -261,7 +265,7 @@ export function mountSection(element, clock) {
   new ResizeObserver(() => {
     const { width, height } = svg.getBoundingClientRect();
     ratio = Math.min(width / 540, height / 720) || 1;
-    element.classList.toggle("small", ratio < 0.8);
+    svg.style.fontSize = `${Math.max(13, Math.min(12 / ratio, 17))}px`; // 12 px of the page
     scale();
   }).observe(svg);
   clock.listen((changed) => {

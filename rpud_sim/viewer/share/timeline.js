@@ -2,7 +2,8 @@
 /* The whole run in one strip: envelope, faults, commands, gaps, the view and the playhead. */
 import { commandsOf, drawSpans, drawTimes, keepSize, placesOf, sharedCursor, sizeOf, timeAxis } from "./marks.js";
 import { columnOf } from "./plots.js";
-import { axisRange, clippedEnds, colourOf } from "./quantities.js";
+import { element } from "./dom.js";
+import { axisRange, clippedEnds, colourOf, numberText, quantityOf } from "./quantities.js";
 
 /** Strip below the screen; a drag shows that part, a click goes there. */
 export class Timeline {
@@ -37,8 +38,9 @@ export class Timeline {
   /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
-    const { t = [], mean = [], low = [], high = [] } = seen.timeline ?? {};
+    const { t = [], mean = [], low = [], high = [], of = "" } = seen.timeline ?? {}, { label, unit, scale } = quantityOf(of);
     this.ends = axisRange(...clippedEnds([mean, low, high].flatMap((values) => Array.from(values))), true);
+    element("strip-of").textContent = of && `${label}, ${numberText(this.ends[0] * scale)} to ${numberText(this.ends[1] * scale)} ${unit}`;
     this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length, 1, this.ends))]);
   }
 

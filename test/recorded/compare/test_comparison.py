@@ -15,6 +15,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError, streams
 from rpud_sim.recorded.compare import compare
 from rpud_sim.recorded.compare.estimates import DIFFERS
+from rpud_sim.recorded.compare.page import difference_picture, figures_of_window
+from rpud_sim.recorded.compare.results import texts
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
@@ -141,6 +143,20 @@ def test_other_parameters_are_named_and_their_effect_is_found(made):
     count = ((stamps >= begin * SECOND) & (stamps < end * SECOND)).sum()
     rate = found.figures[0]["impact_rate"][0].estimates["mean"]
     assert rate.value == pytest.approx(count / (end - begin))
+
+
+def test_the_page_sorts_by_effect_and_marks_what_does_not_differ_as_hollow(found):
+    rows = figures_of_window(found, 0)
+    effects = [abs(each.relative) for each in rows if each.decision == DIFFERS]
+    assert len(effects) > 1
+    assert effects == sorted(effects, reverse=True)
+    assert [each.decision == DIFFERS for each in rows[: len(effects)]] == [True] * len(effects)
+    drawn = difference_picture(found, 0).content
+    assert "fill: none; stroke: var(--muted)" in drawn  # a ring: no difference is found
+    for each in rows:  # no digit far below the interval
+        *_, value, interval = texts(each)
+        assert len(value.strip("+-%").replace(".", "").strip().lstrip("0")) <= 6, value
+        assert interval.count(".") <= 2
 
 
 def test_faults_are_aligned_and_divide_the_time(made):

@@ -54,9 +54,20 @@ def test_a_marker_is_the_mean_over_all_points_with_one_value():
         error = values.std(ddof=1) / np.sqrt(len(values))
         assert half == pytest.approx(stats.t.ppf(0.975, len(values) - 1) * error)
     drawn = picture_of(table, "weight_on_bit")
-    assert drawn.title == "contact_force_mean [kN]"
-    assert drawn.alt.startswith(f"Mean from {number_text(1e-3 * found[:, 1].min())} kN to ")
-    assert "weight_on_bit [N]" in drawn.content
+    assert drawn.title == "contact force mean [kN] by weight on bit"
+    assert "weight on bit [N]" in drawn.content
+    least = table["contact_force_mean"].min()  # of one point for each colour
+    assert drawn.alt.startswith(f"Mean from {number_text(1e-3 * least)} kN to ")
+
+
+def test_the_second_factor_has_colours_that_a_mean_would_hide():
+    table = table_of(GRID)
+    table["contact_force_mean"] = np.where(table["contact_model"] == "printed", 100.0, 10.0)
+    drawn = picture_of(table, "weight_on_bit")
+    assert drawn.alt == "Mean from 0.01 kN to 0.1 kN."
+    for number, word in enumerate(("printed", "rayleigh")):
+        assert word in drawn.content
+        assert f"var(--series{number})" in drawn.content
 
 
 def test_many_points_leave_a_page_small():

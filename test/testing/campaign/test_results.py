@@ -37,12 +37,15 @@ def test_a_requirement_fails_in_the_scenario_where_a_run_breaks_it(campaign):
 
 def test_a_requirement_that_no_run_decides_has_not_passed(campaign):
     results = flown(campaign, lambda run: {"judged": {"drive off": OPEN}})
-    assert results.undecided == {"SAFE-2": "the event of after never came"}
+    assert results.undecided == {"SAFE-2": OPEN[-1]}
     decided = flown(
         campaign,
         lambda run: {} if run.scenario == "jammed" else {"judged": {"drive off": OPEN}},
     )
     assert set(decided.outcomes.values()) == {PASSED}
+    page = campaign_page(decided)
+    assert page.count("n/a: no free mass jammed here") == 3  # nominal, biased and lost preload
+    assert "free_mass_jammed" not in page.partition("<h2>Runs")[0]
 
 
 def test_a_requirement_without_an_expectation_has_not_passed(campaign):
