@@ -208,6 +208,7 @@ help: ## Show this help
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)
 	@echo "Building the messages ..."
+	@rm -rf build/rpud_msgs install/rpud_msgs # else messages that were removed stay
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 

@@ -220,12 +220,12 @@ class LiveHistory(History):
         stamp = _stamp(entry)
         origin = stamp - time
         if entry.kind == "begin":
-            # Where the clock goes back, a later status belongs to the run before. Faults are not
+            # Where the clock goes back, a later report belongs to the run before. Faults are not
             # repeated: those may be the newest ones, received before the journal.
-            status = self._kept.get("status")
             back = bool(self._origins) and origin <= self._origins[-1][1]
-            if back and status and _stamp(status) > stamp:
-                del self._kept["status"]
+            for topic in _REPORTS:
+                if back and topic in self._kept and _stamp(self._kept[topic]) > stamp:
+                    del self._kept[topic]
             self.run += 1
             self.clear()
         if not self._origins or self.time is None:
