@@ -54,4 +54,5 @@ def test_a_drill_brings_its_page_along_and_takes_it_away(process, tmp_path, give
     assert running.wait() == 0
     with pytest.raises(urllib.error.URLError):
         ask(f"{base}/screen")
-    assert rock in rpud_sim.open(bag).runs[0].parameters["strata"]  # layers where none are chosen
+    with rpud_sim.open(bag) as opened:
+        assert rock in opened.runs[0].parameters["strata"]  # layers where none are chosen
