@@ -42,7 +42,7 @@ MUTANTS = {
     "trusts garbage": ("abs(force) <= GREATEST_FORCE", "True"),
     "uses stale data": ("if taken > end - PERIOD:", "if True:"),
     "blind for too long": ("BLINDNESS = 200_000_000", "BLINDNESS = 800_000_000"),
-    "distrusts a good sensor": ("GREATEST_FORCE = 500.0", "GREATEST_FORCE = 50.0"),
+    "distrusts a good sensor": ("GREATEST_FORCE = 500.0", "GREATEST_FORCE = 40.0"),
     "dies of NaN": ("message.force))", "int(message.force)))"),
     "commands too seldom": ("PERIOD = 100_000_000", "PERIOD = 200_000_000"),
 }
