@@ -106,7 +106,11 @@ class History:
     def __init__(self, drill: str, signals: Iterable[Signal], bins: Iterable[Bins]) -> None:
         self.drill = drill
         self.signals = {signal.name: signal for signal in signals}
-        strike = [each.topic for each in self.own_signals if each.type == IMPACTS_TYPE]
+        strike = [
+            each.topic
+            for each in self.own_signals
+            if (each.type, each.column) == (IMPACTS_TYPE, "peak_force")
+        ]
         self.struck = min(strike, key=is_foreign, default="")  # topic of the impacts
         self.clear(bins)
 

@@ -226,6 +226,18 @@ def test_it_prints_where_the_page_is_and_ends_at_a_signal(process, drill_bag):
         urllib.request.urlopen(url)
 
 
+def test_impacts_whose_type_has_no_peak_force_are_signals_as_others(tmp_path):
+    kind, name = "rpud_msgs/msg/ContactForce", "/rpud/contact_force"
+    codec = Codec(kind, "float64 duration\n")
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic(name, kind), "float64 duration\n")
+        for number in range(3):
+            bag.write(name, codec.encode({"duration": 1e-4}), number * 10**7, number * 10**7)
+    with RecordedStore(tmp_path / "bag") as store:
+        store.read_all()
+        assert asked(store)["values"] == {"contact_force": {"duration": 1e-4}}
+
+
 def test_a_foreign_bag_shows_its_signals(tmp_path):
     kind, name = "geometry_msgs/msg/Vector3", "/robot/wrist"
     codec = Codec(kind, find_definition(kind))
