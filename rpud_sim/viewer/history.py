@@ -106,11 +106,7 @@ class History:
     def __init__(self, drill: str, signals: Iterable[Signal], bins: Iterable[Bins]) -> None:
         self.drill = drill
         self.signals = {signal.name: signal for signal in signals}
-        strike = [
-            each.topic
-            for each in self.own_signals
-            if (each.type, each.column) == (IMPACTS_TYPE, "peak_force")
-        ]
+        strike = [each.topic for each in self.own_signals if each.type == IMPACTS_TYPE]
         self.struck = min(strike, key=is_foreign, default="")  # topic of the impacts
         self.clear(bins)
 
@@ -134,8 +130,8 @@ class History:
             if (name := f"{batch.topic} {column}") in self.signals:
                 for bins in self.bins:
                     bins.add(name, times, values)
-        if batch.topic == self.struck:
-            peaks = batch.fields["peak_force"]
+        peaks = batch.fields.get("peak_force")
+        if batch.topic == self.struck and peaks is not None:  # another type may have the name
             valid = np.isfinite(peaks) & (times >= 0.0)
             self.impacts.add(times[valid], peaks[valid])
 
