@@ -90,7 +90,7 @@ def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):
     box = page.tab.locator("[data-plot=peak_force] .u-over").bounding_box()
     page.tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 5)
     text_has(page, "[data-plot=peak_force]", r"contact force\d.*kN")
-    assert page.tab.locator("[data-plot=motion] canvas").is_visible()  # exact as well
+    page.tab.locator("[data-plot=motion] canvas").wait_for()  # exact as well
     page.tab.get_by_role("button", name="previous impact").click()
     text_has(page, "#found", f"^impact at {times[following - 1]:.9f} s")
     # The mean of a second lasts through the contact; the time is as exact, and covers nothing.
@@ -174,7 +174,7 @@ def hover(page, plot, share):
 def test_two_cursors_show_their_difference_and_a_click_on_the_legend_hides_a_line(recorded):
     page, load = recorded(), "screen.plots.plots.find(({ definition }) => definition.id === 'load')"
     page.tab.keyboard.press("?")
-    assert page.tab.get_by_text("set or remove a second cursor").is_visible()
+    page.tab.get_by_text("set or remove a second cursor").wait_for()
     page.tab.keyboard.press("Escape")
     of_screen(page, "screen.zoom(0, 10)")
     until_screen(page, "screen.seen.view.end === 10")
@@ -251,7 +251,8 @@ def test_all_values_have_units_and_changed_parameters_come_first(recorded):
     page = recorded()
     page.tab.get_by_text("all values", exact=True).click()
     values = page.tab.locator("#details")
-    assert values.get_by_role("row", name="weight on bit 8 N").first.is_visible()
+    # A folded part is filled by an event after the click.
+    values.get_by_role("row", name="weight on bit 8 N").first.wait_for()
     parameters = values.get_by_role("region", name="parameters").locator("tbody tr")
     assert (
         "default" in values.get_by_role("region", name="parameters").locator("thead").inner_text()
