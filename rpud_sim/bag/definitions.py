@@ -22,6 +22,14 @@ _OWN_PLACE = Path(__file__).with_name("share")
 _SEPARATOR = "=" * 80
 _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 _PRIMITIVES = {"bool", "byte", "char", "float32", "float64", "string", "wstring", *_INTEGERS}
+# Line between the types of a definition: other tools draw it longer or shorter than ROS.
+_PART = re.compile(r"^[ \t]*={2,}[ \t]*\n\s*(MSG|IDL):[ \t]*(\S*).*$", re.MULTILINE)
+# Line of a definition that is no comment: a type, and a name with perhaps a value.
+_LINE = re.compile(
+    r"([A-Za-z][\w/]*)((?:<=\d+)?(?:\[(?:<=)?\d*\])?)[ \t]+([A-Za-z]\w*)[ \t]*(.*)", re.ASCII
+)
+_DEFAULT = re.compile(r"[=\d.'\"\[#+-]|(true|false|nan|inf)\b", re.IGNORECASE)
+_COMMENT = re.compile(r"(?:\"[^\"]*\"|'[^']*'|[^#\"'])*#+[ \t]*(.*)")
 _IDL = ("ros2idl", "omgidl")  # encodings of schemas
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
 _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
@@ -34,12 +42,13 @@ def definition_of(schema: Schema) -> tuple[str | None, str]:
     """
     if schema.encoding == "ros2msg":
         try:
-            text = schema.data.decode("utf-8-sig")
+            text = schema.data.decode()
         except UnicodeDecodeError as error:
             byte = schema.data[error.start]
             return None, f"the definition of its type is not UTF-8: it has the byte 0x{byte:02x}"
+        text = text.replace("\ufeff", "")  # each file of a definition may begin with one
         return text.replace("\r\n", "\n").replace("\r", "\n"), ""
-    if not schema.encoding:
+    if not schema.encoding or not schema.data.strip():
         return None, "the bag does not hold the definition of its type"
     kind = "IDL" if schema.encoding in _IDL else f"{schema.encoding!r:.40}"
     return None, f"the definition of its type is {kind}; only ros2msg, the text of a .msg, is read"
@@ -47,9 +56,42 @@ def definition_of(schema: Schema) -> tuple[str | None, str]:
 
 def full_name(schema: Schema) -> str:
     """Return the name of a schema's type; ``pkg/Type`` is short for ``pkg/msg/Type`` in ROS."""
-    if schema.encoding in ("ros2msg", *_IDL) and (match := _TYPE_NAME.fullmatch(schema.name)):
-        return f"{match[1]}/msg/{match[2]}"
-    return schema.name
+    return _full_name(schema.name) if schema.encoding in ("ros2msg", *_IDL) else schema.name
+
+
+def _full_name(name: str) -> str:
+    match = _TYPE_NAME.fullmatch(name)
+    return f"{match[1]}/msg/{match[2]}" if match else name
+
+
+def parts_of(type_name: str, definition: str) -> Iterator[tuple[str, str]]:
+    """Yield the full name and the text of each type in a ``ros2msg`` definition, its own first.
+
+    A part that is IDL is a ValueError.
+    """
+    first, *others = _PART.split(definition)
+    yield type_name, first
+    for kind, name, text in zip(others[::3], others[1::3], others[2::3], strict=True):
+        if kind == "IDL":
+            raise ValueError("a part of it is IDL; only ros2msg, the text of a .msg, is read")
+        yield _full_name(name), text
+
+
+def fields_of(type_name: str, text: str) -> Iterator[tuple[str, str, str]]:
+    """Yield type, name and comment of each field in a type's own text; constants are none.
+
+    Lines end where those of a ``.msg`` do in ROS. Another line is a ValueError.
+    """
+    for number, line in enumerate(text.splitlines(), 1):
+        plain = line.strip()
+        if not plain or plain.startswith("#"):
+            continue
+        match = _LINE.fullmatch(plain)
+        if match is None or (match[4] and match[1] != "string" and not _DEFAULT.match(match[4])):
+            raise ValueError(f"line {number} of {type_name:.80} is no field: {line:.80}")
+        if not match[4].startswith("="):
+            comment = _COMMENT.match(match[4])
+            yield match[1] + match[2], match[3], comment[1] if comment else ""
 
 
 def find_definition(type_name: str) -> str:

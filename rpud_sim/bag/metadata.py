@@ -23,6 +23,7 @@ import yaml
 
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
 
 FILE_NAME = "metadata.yaml"
@@ -93,6 +94,8 @@ class QosProfile:
 
 
 def _profile(item: Mapping[str, Any]) -> QosProfile:
+    """Return the profile of a YAML mapping; what it lacks is as by default."""
+    item = QosProfile().to_mapping() | item
     values: dict[str, Any] = {}
     for name, words in _POLICIES.items():
         word = item[name]
@@ -138,7 +141,7 @@ class Losses:
 class TopicSummary:
     """Content of a bag, or of one file, for one topic."""
 
-    # name, type and offered quality of service; of the first channel if several differ
+    # name, type and encoding of the first channel, and what all publishers offered
     topic: Topic
     message_count: int  # messages of the topic
     # log time of the first message [ns]; None without messages or without an index
@@ -165,6 +168,11 @@ class TopicSummary:
             losses=losses,
             kinds=frozenset().union(*(part.kinds for part in parts)),
         )
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Names of the types of its messages; a bag may have several on one topic."""
+        return tuple(sorted({name for _, name, _ in self.kinds}))
 
     @property
     def rate(self) -> float | None:
@@ -306,8 +314,7 @@ def _load(text: str) -> Any:
         _check_size(text)
         return yaml.load(text, Loader=_LOADER)
     except (yaml.YAMLError, *MALFORMED) as error:  # the latter of `!!timestamp 1`, for example
-        line = " ".join(str(error).split())
-        raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error
+        raise BagFormatError(f"the rosbag2 metadata is not YAML: {in_words(error)}") from error
 
 
 def _check_size(text: str) -> None:

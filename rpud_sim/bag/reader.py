@@ -250,6 +250,11 @@ class BagReader:
                 errors[name] = error
             else:
                 topics.append(TopicSummary.joined(found, losses.get(name)))
+        for file in self._files:
+            if unread := file.unread_offers:
+                name, reason = next(iter(unread.items()))
+                text = f"the QoS of {len(unread)} topics, such as {name:.200}, cannot be read"
+                warnings.warn(BagWarning(f"{file.path}: {text}: {reason}"), stacklevel=4)
         return tuple(topics), errors
 
 

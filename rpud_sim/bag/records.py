@@ -26,6 +26,7 @@ from mcap.records import Chunk, McapRecord
 
 from rpud_sim.bag.batches import items
 from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
+from rpud_sim.foundation.terminal import in_words
 
 CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
 DECLARATION_LIMIT = 16 * 2**20  # greatest record without messages, index or attachment [bytes]
@@ -81,7 +82,7 @@ def reading(path: Path) -> Iterator[None]:
         text = str(error)
         raise BagFormatError(text if str(path) in text else f"{path}: {text}") from error
     except UNREADABLE as error:
-        raise BagFormatError(f"{path} is damaged: {error or type(error).__name__}") from error
+        raise BagFormatError(f"{path} is damaged: {in_words(error)}") from error
 
 
 class RawRecord(NamedTuple):

@@ -187,7 +187,7 @@ class _TornFile:
             self._add_loose()
             return head if self._add_chunk(offset, end) else None
         if kind == Opcode.ATTACHMENT and self._file.continues(end):
-            self._damage(offset, end, "is an attachment, which is left out")
+            self._note(f"byte {offset} to {end} is an attachment, which is left out")
             return head
         record = self._sound(offset)
         if record is None:

@@ -50,7 +50,7 @@ def _info(options: Any) -> int:
         content["topics"] = [
             {
                 "name": summary.topic.name,
-                "type": summary.topic.type,
+                "type": ", ".join(summary.types),
                 "message_count": summary.message_count,
                 "rate": summary.rate,
                 "losses": summary.losses.total if summary.losses else None,

@@ -16,6 +16,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
@@ -378,4 +379,4 @@ def _boundary(run: RecordedRun, stamps: Sequence[int]) -> int:
         reached = max(run.end, agreed(stamps) - run.origin if stamps else 0)
         return boundary(boundaries_until(reached, rate), rate)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise RecordingError(f"{run.journal} cannot be understood: {error!r:.100}") from None
+        raise RecordingError(f"{run.journal} cannot be understood: {in_words(error)}") from None

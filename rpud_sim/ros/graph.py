@@ -43,9 +43,8 @@ def message_class(type_name: str) -> Any:
         check_for_type_support(message)
     except Exception as error:
         # A foreign package may raise anything while it is loaded.
-        raise UnknownTypeError(
-            f"type {type_name} is not installed here ({type(error).__name__}: {error})"
-        ) from error
+        text = " ".join(str(error).split())
+        raise UnknownTypeError(f"type {type_name} is not installed here: {text:.200}") from error
     return message
 
 
