@@ -98,7 +98,7 @@ def contents_of(file: RecordFile, path: Path) -> Contents:
     A file without its end, or with damaged parts, is a BagFormatError.
     """
     if file.content(0, len(MAGIC)) != MAGIC:
-        raise BagFormatError(f"{path} is not an MCAP file")
+        raise BagFormatError(f"{path} is {'not an MCAP file' if file.size else 'empty'}")
     ending = file.size - len(MAGIC)
     if ending < len(MAGIC) or file.content(ending, len(MAGIC)) != MAGIC:
         raise BagFormatError(f"{path} is cut off: it was not closed, or lost its end; {REMEDY}")

@@ -261,9 +261,12 @@ def metadata_from_document(text: str) -> ReadMetadata:
         raise BagFormatError(f"{FILE_NAME} has no {_OUTER_KEY}")
     value = document[_OUTER_KEY]
     with parsing("the rosbag2 metadata"):
+        names = value.get("relative_file_paths") or []
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"relative_file_paths is {names!r:.80}, and must be a list of names")
         return ReadMetadata(
-            storage_identifier=str(value["storage_identifier"]),
-            relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
+            storage_identifier=str(value.get("storage_identifier") or ""),
+            relative_file_paths=tuple(names),
             compression_mode=str(value.get("compression_mode") or ""),
             message_counts={
                 str(each["path"]): int(each["message_count"]) for each in value.get("files") or ()

@@ -79,8 +79,9 @@ def reading(path: Path) -> Iterator[None]:
     except OSError as error:
         raise BagError(f"cannot read {path}: {error.strerror or error}") from error
     except BagFormatError as error:
-        text = str(error)
-        raise BagFormatError(text if str(path) in text else f"{path}: {text}") from error
+        if str(path) in str(error):
+            raise
+        raise BagFormatError(f"{path}: {error}") from error
     except UNREADABLE as error:
         raise BagFormatError(f"{path} is damaged: {in_words(error)}") from error
 

@@ -30,6 +30,8 @@ _MEANINGS: tuple[tuple[type[Exception] | tuple[type[Exception], ...], str], ...]
     ((AttributeError, TypeError), "a value is of another kind than it must be"),
 )
 
+_NO_NUMBER = re.compile(r"(?:invalid literal|could not convert) .*?: (.*)")  # of int and float
+
 
 def printable(text: object, longest: int | None = None) -> str:
     r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey.
@@ -52,6 +54,8 @@ def in_words(error: BaseException) -> str:
     for kinds, meaning in _MEANINGS:
         if isinstance(error, kinds):
             return meaning
+    if number := _NO_NUMBER.match(str(error)):
+        return f"{number[1]:.80} is no number"
     return " ".join(f"{error!s:.500}".split()) or "it is damaged"
 
 
