@@ -26,11 +26,13 @@ _MEANINGS: tuple[tuple[type[Exception] | tuple[type[Exception], ...], str], ...]
     (JSONDecodeError, "it is no JSON"),
     ((struct.error, EOFError, IndexError), "it ends too early"),
     (RecursionError, "it is nested too deep, or contains itself"),
+    (OverflowError, "a number is too large"),
     (MemoryError, "it needs more memory than there is"),
     ((AttributeError, TypeError), "a value is of another kind than it must be"),
 )
 
-_NO_NUMBER = re.compile(r"(?:invalid literal|could not convert) .*?: (.*)")  # of int and float
+# Of int and float.
+_NO_NUMBER = re.compile(r"(?:invalid literal|could not convert) .*?: (.*)|Exceeds the limit")
 
 
 def printable(text: object, longest: int | None = None) -> str:
@@ -50,13 +52,15 @@ def in_words(error: BaseException) -> str:
     if isinstance(error, KeyError):
         return f"it has no {error.args[0]!r:.80}" if error.args else "it lacks a part"
     if (mark := getattr(error, "problem_mark", None)) is not None:  # of YAML
-        return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"
+        said = (getattr(error, name, None) for name in ("context", "problem"))
+        return f"line {mark.line + 1}: {', '.join(filter(None, said))}"
     for kinds, meaning in _MEANINGS:
         if isinstance(error, kinds):
             return meaning
     if number := _NO_NUMBER.match(str(error)):
-        return f"{number[1]:.80} is no number"
-    return " ".join(f"{error!s:.500}".split()) or "it is damaged"
+        return f"{number[1]:.80} is no number" if number[1] else "a number has too many digits"
+    text = f"{error!s:.500}".partition('in "<unicode string>"')[0]  # of YAML
+    return " ".join(text.split()) or "it is damaged"
 
 
 def columns(stream: TextIO) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -107,9 +108,9 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
         raise ParameterError(f"{name} = {shown(given)} is not a path")
     places = [folder / given for folder in folders]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):  # False for a name that no file can have
             return place.resolve()
-    parents = [place.parent for place in places if place.parent.is_dir()]
+    parents = [place.parent for place in places if os.path.isdir(place.parent)]
     beside = [each.name for parent in parents for each in parent.iterdir()]
     looked = ", ".join(dict.fromkeys(map(str, places)))
     hint = suggestion(Path(given).name, beside)
