@@ -40,7 +40,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.simulation.versions import engine_of, other_engine
 
-_EARLIEST, _LATEST = -(2**62), 2**62  # beyond all times [ns]
+_EARLIEST, _LATEST = -(2**63), 2**63 - 1  # no time is beyond [ns]
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "end")
 
