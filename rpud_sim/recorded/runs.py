@@ -185,7 +185,7 @@ def runs_of(
         raise RecordingError(
             f"{bag.path} holds no journal named {topic}, but {names}{suggestion(topic, found)}"
         )
-    return _runs(bag, RecordedJournal(bag, found[topic or names]), damages or Damages(bag))
+    return _runs(bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or Damages(bag))
 
 
 def run_of(
@@ -250,7 +250,7 @@ def _choose(bag: BagReader, wanted: str | None) -> str:
         if len(found) > 1:
             raise RecordingError(f"{bag.path} holds several drills: choose --namespace of {names}")
         return found[0]
-    space = "" if wanted == "/" else f"/{wanted.strip('/')}"
+    space = wanted if wanted in found else f"/{wanted.strip('/')}".rstrip("/")
     if space not in found:
         raise RecordingError(
             f"{bag.path} holds no drill in {wanted!r:.80}, but in {names}{suggestion(space, found)}"
