@@ -94,6 +94,30 @@ def fields_of(type_name: str, text: str) -> Iterator[tuple[str, str, str]]:
             yield match[1] + match[2], match[3], comment[1] if comment else ""
 
 
+def structure_of(type_name: str, definition: str) -> tuple[str, ...]:
+    """Return a type's name and all fields of its definition: equal for messages of equal bytes.
+
+    Tools write types in another order, and names, comments and constants as they like. What is
+    not understood stays as it is.
+    """
+
+    def resolved(kind: str, package: str) -> str:
+        name, *rest = re.split(r"(?=[<\[])", kind, maxsplit=1)
+        if name not in _PRIMITIVES:
+            name = _full_name(name if "/" in name else f"{package}/{name}")
+        return "".join([name, *rest])
+
+    found = []
+    try:
+        for name, text in parts_of(type_name, definition):
+            package = name.partition("/")[0]
+            fields = [f"{resolved(kind, package)} {own}" for kind, own, _ in fields_of(name, text)]
+            found.append(f"{name}: {', '.join(fields)}")
+    except ValueError:
+        return type_name, definition
+    return type_name, *sorted(found)
+
+
 def find_definition(type_name: str) -> str:
     """Return the complete ``ros2msg`` definition of a type such as ``std_msgs/msg/Header``.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,7 +30,6 @@ from rpud_sim.bag.records import (
 # Channel metadata of messages that split files of earlier releases repeated of the previous one.
 REPEATED_KEY = "rpud_repeated"
 
-_COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
@@ -208,8 +206,7 @@ class McapFile:
 
     def _kind(self, channel: Channel) -> tuple[str, str, str]:
         schema = self.schemas.get(channel.schema_id, _NO_SCHEMA)
-        text = self._definition(schema)[0] or ""
-        return channel.message_encoding, full_name(schema), _without_comments(text)
+        return channel.message_encoding, full_name(schema), self._definition(schema)[0] or ""
 
     @cached_property
     def _chunks_of(self) -> dict[int, list[ChunkPlace]]:
@@ -266,11 +263,6 @@ class McapFile:
 
 # Thousands of channels share a few texts.
 _offered_qos = lru_cache(maxsize=1024)(load_offered_qos)
-
-
-@lru_cache(maxsize=1024)
-def _without_comments(definition: str) -> str:
-    return " ".join(_COMMENT.sub("", definition).split())
 
 
 def _batches_in(

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from rpud_sim.bag.definitions import structure_of
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.terminal import in_words
@@ -149,7 +150,7 @@ class TopicSummary:
     last_time: int | None  # log time of the last message [ns]; None as for ``first_time``
     definition: str | None  # ``ros2msg`` text of the type; None if the file has no such text
     losses: Losses | None = None  # messages that the recorder lost; None if they were not counted
-    # encoding, type and definition without comments, of all channels
+    # encoding, type and definition of all channels
     kinds: frozenset[tuple[str, str, str]] = frozenset()
     undefined: str = ""  # reason why there is no definition; empty if there is one
 
@@ -168,6 +169,13 @@ class TopicSummary:
             losses=losses,
             kinds=frozenset().union(*(part.kinds for part in parts)),
         )
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all its messages have one type; definitions may differ in form."""
+        if len(self.kinds) < 2:
+            return True
+        return len({(coding, *structure_of(*kind)) for coding, *kind in self.kinds}) == 1
 
     @property
     def types(self) -> tuple[str, ...]:

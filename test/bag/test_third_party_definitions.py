@@ -131,3 +131,21 @@ def test_a_type_without_a_proper_name_is_named(tmp_path, kind):
         pytest.raises(rpud_sim.bag.BagFormatError, match=f"understood: '{kind}' is no name of a"),
     ):
         bag.arrays("/a")
+
+
+def test_definitions_that_differ_in_form_alone_are_one(tmp_path):
+    texts = (
+        f"B b # one\nC[<=3] c 5\n{SEPARATOR}\nMSG: pkg/B\nfloat64 x\n{SEPARATOR}\nMSG: pkg/C\nint8 y",
+        f"uint8 K=1\npkg/msg/B b\npkg/C[<=3] c\r\n{SEPARATOR}\nMSG: pkg/msg/C\nint8 y # two\n"
+        f"{SEPARATOR}\nMSG: pkg/B\nfloat64 x",
+    )
+    for number, text in enumerate(texts):
+        file_of(tmp_path / f"run_{number}.mcap", text, data=X + bytes(4))
+    with rpud_sim.bag.open(tmp_path) as bag:
+        assert bag.arrays("/a")["b.x"].tolist() == [1.5, 1.5]
+    file_of(tmp_path / "run_2.mcap", texts[0].replace("int8 y", "int16 y"), data=X + bytes(4))
+    with (
+        rpud_sim.bag.open(tmp_path) as bag,
+        pytest.raises(rpud_sim.bag.BagFormatError, match="several types or definitions"),
+    ):
+        bag.arrays("/a")

@@ -93,7 +93,7 @@ class Replayer(Node):
 
     def _add(self, summary: TopicSummary) -> None:
         topic = summary.topic
-        if len(summary.kinds) > 1:
+        if not summary.uniform:
             raise UnknownTypeError("it has several types or definitions")
         if topic.serialization_format != "cdr":
             raise UnknownTypeError(f"it is in {topic.serialization_format!r}")
