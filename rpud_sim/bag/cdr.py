@@ -13,7 +13,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rpud_sim.bag.definitions import fields_of, parts_of
+from rpud_sim.bag.definition_text import fields_of, parts_of
 from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
 from rpud_sim.foundation.terminal import in_words

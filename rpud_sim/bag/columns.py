@@ -23,7 +23,7 @@ from rpud_sim.bag.cdr import (
     aligned,
     number_dtype,
 )
-from rpud_sim.bag.definitions import fields_of, parts_of
+from rpud_sim.bag.definition_text import fields_of, parts_of
 from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Members, Node
 from rpud_sim.bag.encoder import Sequence as Several
 from rpud_sim.bag.errors import BagFormatError

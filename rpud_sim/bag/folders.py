@@ -106,7 +106,9 @@ def without_copies(files: Sequence[Path]) -> BagFiles:
         for other in kept:
             with reading(file):
                 if file.is_file() and other.is_file() and cmp(file, other, shallow=False):
-                    warnings.append(f"{file} has the same bytes as {other.name:.200}: it is left out")
+                    warnings.append(
+                        f"{file} has the same bytes as {other.name:.200}: it is left out"
+                    )
                     break
         else:
             kept.append(file)

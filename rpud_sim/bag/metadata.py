@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from rpud_sim.bag.definitions import structure_of
+from rpud_sim.bag.definition_text import structure_of
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.terminal import in_words
@@ -96,7 +96,7 @@ class QosProfile:
 
 def _profile(item: Mapping[str, Any]) -> QosProfile:
     """Return the profile of a YAML mapping; what it lacks is as by default."""
-    item = QosProfile().to_mapping() | item
+    item = {**QosProfile().to_mapping(), **item}
     values: dict[str, Any] = {}
     for name, words in _POLICIES.items():
         word = item[name]

@@ -185,7 +185,9 @@ def runs_of(
         raise RecordingError(
             f"{bag.path} holds no journal named {topic}, but {names}{suggestion(topic, found)}"
         )
-    return _runs(bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or Damages(bag))
+    return _runs(
+        bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or Damages(bag)
+    )
 
 
 def run_of(

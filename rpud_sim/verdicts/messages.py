@@ -176,7 +176,9 @@ class TopicMessages:
             for name in names:
                 key += np.array([int(value or 0) for value in self.column(name)], np.int64)
         except (OverflowError, TypeError, ValueError) as error:
-            raise ExpectationError(f"{self._topic}: {', '.join(names)}: {in_words(error)}") from None
+            raise ExpectationError(
+                f"{self._topic}: {', '.join(names)}: {in_words(error)}"
+            ) from None
         return key
 
     def _spread(self, name: str) -> np.ndarray:

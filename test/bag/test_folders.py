@@ -124,7 +124,9 @@ def test_a_file_that_old_metadata_does_not_list_is_named(tmp_path):
     path = split_bag(tmp_path / "run")
     rewrite(path / "metadata.yaml", "  - run_2.mcap\n", "")
     with (
-        pytest.warns(BagWarning, match=r"run_2\.mcap is not read, for metadata\.yaml does not list"),
+        pytest.warns(
+            BagWarning, match=r"run_2\.mcap is not read, for metadata\.yaml does not list"
+        ),
         rpud_sim.bag.open(path) as bag,
     ):
         assert len(list(bag.messages())) == 4

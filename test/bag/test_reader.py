@@ -58,8 +58,10 @@ def test_offers_that_cannot_be_read_hide_no_message(tmp_path, offers):
         metadata={"offered_qos_profiles": offers},
     )
     said = "a.mcap: the QoS of 2 topics, such as /a, cannot be read: "
-    with rpud_sim.bag.open(path) as bag, pytest.warns(BagWarning, match=said) as warned:
-        assert [topic.topic.offered_qos for topic in bag.topics] == [(), ()]
+    with rpud_sim.bag.open(path) as bag:
+        with pytest.warns(BagWarning, match=said) as warned:
+            topics = bag.topics
+        assert [each.topic.offered_qos for each in topics] == [(), ()]
         assert len(list(bag.messages())) == 2
     assert len(warned) == 1
     assert "<unicode string>" not in str(warned[0].message)

@@ -135,7 +135,8 @@ def test_a_type_without_a_proper_name_is_named(tmp_path, kind):
 
 def test_definitions_that_differ_in_form_alone_are_one(tmp_path):
     texts = (
-        f"B b # one\nC[<=3] c 5\n{SEPARATOR}\nMSG: pkg/B\nfloat64 x\n{SEPARATOR}\nMSG: pkg/C\nint8 y",
+        f"B b # one\nC[<=3] c 5\n{SEPARATOR}\nMSG: pkg/B\nfloat64 x\n{SEPARATOR}\nMSG: pkg/C\n"
+        "int8 y",
         f"uint8 K=1\npkg/msg/B b\npkg/C[<=3] c\r\n{SEPARATOR}\nMSG: pkg/msg/C\nint8 y # two\n"
         f"{SEPARATOR}\nMSG: pkg/B\nfloat64 x",
     )
