@@ -18,7 +18,14 @@ import pytest
 
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
 from rpud_sim.testing.errors import ExpectationUndecidedError
-from rpud_sim.testing.item_drills import DRILLS, FLIGHT, POOL, give_back_drills, take_drill
+from rpud_sim.testing.item_drills import (
+    DRILLS,
+    FLIGHT,
+    POOL,
+    give_back_drills,
+    pool_of,
+    take_drill,
+)
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import LockstepDrill
@@ -212,6 +219,7 @@ def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Lock
     item = request.node
     if _ERROR in item.stash:
         pytest.fail(item.stash[_ERROR], pytrace=False)
+    pool_of(item.config)  # a drill's process imports while this one does
 
     def make(**options: Any) -> LockstepDrill:
         return take_drill(item, _setup_of(item, options), item.path.parent)
