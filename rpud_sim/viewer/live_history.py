@@ -231,9 +231,8 @@ class LiveHistory(History):
         origin = stamp - time
         if entry.kind == "begin":
             self._begun = published
-            # Faults are not repeated: those may be the newest ones, published before the journal.
             kept = self._kept.items()
-            self._kept = {t: k for t, k in kept if t == "faults" or k[1] >= self._begun}
+            self._kept = {topic: latest for topic, latest in kept if latest[1] >= published}
             self.run += 1
             self.clear()
         if not self._origins or self.time is None:
