@@ -31,11 +31,13 @@ LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
 
 _GUARD = Path(__file__).with_name("guard.py")
 NO_FAULTS = "faults: []\n"
-# It imports what takes time, and has its arguments from a line of its input.
+# It loads what takes time, and has its arguments from a line of its input.
 _PROGRAM = """
 import shlex, sys
 import rpud_sim.ros.drill.drill_node
 from rpud_sim.cli.executables import drill_node
+from rpud_sim.simulation import Settings, compile_kernels
+compile_kernels(Settings().configuration)
 sys.argv += shlex.split(sys.stdin.readline() or sys.exit())
 drill_node()
 """
