@@ -18,7 +18,7 @@ POOL = pytest.StashKey["DrillPool"]()  # of a configuration
 
 
 def pool_of(config: pytest.Config) -> DrillPool:
-    """Return the pool of this process; the process of its first drill starts with it."""
+    """Return the pool of this process; its first drill's process loads while this one does."""
     if POOL not in config.stash:
         from rpud_sim.testing.drill_pool import DrillPool
 
