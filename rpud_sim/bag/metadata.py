@@ -171,7 +171,7 @@ class TopicSummary:
         )
 
     @property
-    def uniform(self) -> bool:
+    def one_type(self) -> bool:
         """Whether all its messages have one type; definitions may differ in form."""
         if len(self.kinds) < 2:
             return True

@@ -70,7 +70,7 @@ class Table:
 
     def __init__(self, summary: TopicSummary) -> None:
         self._name = summary.topic.name
-        if not summary.uniform:
+        if not summary.one_type:
             raise BagFormatError("its messages are of several types or definitions")
         if summary.topic.serialization_format != "cdr":
             raise BagFormatError(

@@ -93,7 +93,7 @@ class Replayer(Node):
 
     def _add(self, summary: TopicSummary) -> None:
         topic = summary.topic
-        if not summary.uniform:
+        if not summary.one_type:
             raise UnknownTypeError("it has several types or definitions")
         if topic.serialization_format != "cdr":
             raise UnknownTypeError(f"it is in {topic.serialization_format!r}")
