@@ -93,7 +93,7 @@ class Control:
         if share and given.drive.enabled:
             simulation.apply(Drive(True, given.drive.voltage * share, given.drive.frequency))
         elif simulation.applied.drive.enabled:
-            simulation.apply(Drive(False, 0.0, 0.0))
+            simulation.apply(dataclasses.replace(given.drive, enabled=False))
         before = self.commands_lost
         self.commands_lost = self.active and overdue > 0
         return self.commands_lost is not before
