@@ -110,7 +110,7 @@ def check_names(names: Iterable[Any], known: Iterable[str], what: str = "paramet
 
 def as_number(value: Any) -> float:
     """Return a number of Python or NumPy as a float; NaN for anything else, also a truth value."""
-    if not isinstance(value, Real) or isinstance(value, bool):
+    if isinstance(value, bool) or not isinstance(value, Real):
         return math.nan
     try:
         return float(value)

@@ -96,7 +96,9 @@ def test_numbers_of_numpy_are_numbers():
     drill.step(np.float32(0.25))
     drill.set_parameters(gravity=np.int64(3))
     assert (drill.time, drill.status.weight_on_bit) == (0.25, 20.0)
-    with pytest.raises(rpud_sim.ParameterError, match=r"= 2000 N is outside its range \[0, 1000\] N"):
+    with pytest.raises(
+        rpud_sim.ParameterError, match=r"= 2000 N is outside its range \[0, 1000\] N"
+    ):
         drill.press(np.int64(2000))
 
 
@@ -109,7 +111,10 @@ def test_numbers_of_numpy_are_numbers():
         (lambda drill: drill.feed(), "a rate or a position"),
         (lambda drill: drill.step(0), "step = 0 s is outside"),
         (lambda drill: drill.inject("jam"), "kind = 'jam' is unknown"),
-        (lambda drill: drill.inject("lost_preload", duration=1e-12), "duration = 1e-12 s is outside"),
+        (
+            lambda drill: drill.inject("lost_preload", duration=1e-12),
+            "duration = 1e-12 s is outside",
+        ),
         (lambda drill: drill.press(True), "weight_on_bit = True N is outside"),
         (lambda drill: drill.press(10**400), "weight_on_bit = .* N is outside"),
         (lambda drill: drill.drive("off"), "drive enabled = 'off' is not true or false"),

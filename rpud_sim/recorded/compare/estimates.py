@@ -152,7 +152,9 @@ def difference(
         relative=_ratio_minus_one(ratio),
         relative_low=_ratio_minus_one(ratio - reach * ratio_error),
         relative_high=_ratio_minus_one(ratio + reach * ratio_error),
-        p=min(1.0, 2.0 * float(_student().stdtr(freedom, -excess / spread))) if spread > 0.0 else 1.0,
+        p=min(1.0, 2.0 * float(_student().stdtr(freedom, -excess / spread)))
+        if spread > 0.0
+        else 1.0,
         decision=UNDECIDED,
     )
 
