@@ -46,7 +46,6 @@ Faults = str | os.PathLike[str] | Mapping[str, Any] | Sequence[str | Mapping[str
 _RATE = Quantity("Hz", "rate of samples", 1, 1e7, whole=True)
 _UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
 _CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHANNELS}
-_NODE = "drill_node"
 _CLOSE, _CLOSE_RATE = 0.002, 500_000  # close look of a plot: its length [s], its samples [Hz]
 _RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
@@ -103,7 +102,7 @@ def beginning_of(
     faults: Faults | None,
 ) -> Beginning:
     """Return the beginning of a run; arguments are those of ``simulate``."""
-    values = read_parameter_file(_path("config", config), _NODE) if config is not None else {}
+    values = read_parameter_file(_path("config", config)) if config is not None else {}
     values.update(parameters)
     if seed is not None:
         values["seed"] = SEED.check("seed", seed)

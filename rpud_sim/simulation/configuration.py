@@ -333,6 +333,8 @@ class ParameterFile:
 
     def __init__(self, path: str | Path, node: str) -> None:
         whole = open_yaml(path)
+        if whole.value is None:  # an empty file is one for no node, as for ROS
+            whole = dataclasses.replace(whole, value={})
         sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
         for name, parameters in _sections(whole):
             sections.setdefault(name, []).append(parameters)

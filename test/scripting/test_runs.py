@@ -132,6 +132,13 @@ def test_what_cannot_be_used_is_one_line(call, text):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("section", ["/**", "drill_node", "/rpud/drill_node", "/*/drill_node"])
+def test_a_parameter_file_is_read_as_by_the_commands(tmp_path, section):
+    path = tmp_path / "robot.yaml"
+    path.write_text(f"{section}: {{ros__parameters: {{seed: 7}}}}")
+    assert rpud_sim.simulate(1, config=path).seed == 7
+
+
 def test_without_extras_all_names_are_there_and_a_call_says_what_to_install(tmp_path):
     missing = ("matplotlib", "pandas", "scipy")
     program = f"""
