@@ -145,6 +145,8 @@ class ManagedNode(LifecycleNode):
         if expected == Parameter.Type.DOUBLE and like_number:
             with suppress(ValueError):
                 given = Parameter(name, value=float(given.value))
+        if name in PARAMETERS and given.type_ == expected:
+            PARAMETERS[name].allowed.check(name, given.value)  # rclpy's error has no unit
         if given.type_ != expected and not descriptor.dynamic_typing:
             types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
             raise ParameterError(f"{name} is of another type: {types}")
