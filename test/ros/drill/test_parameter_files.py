@@ -90,17 +90,21 @@ FILES = {
 
 
 # Scalars that rcl and PyYAML may read differently.
-SCALARS = ["1e3", "1E1", ".5", "5.", "+5", "-0", "0x10", "0o7", "010", "08", "09.5", "010.5", "1_000", "1:30", "0b11", ".inf", "-.inf", "yes!", "1e", "1e+", "1.e1", ".e1", "1..2", "0x", "0x1G", "00", "-010", "--8", "1,000", "+.5", "8f", "1d3", "8#c", "true", "TRUE", "tRue", "'8'", '"8"', "''", "0xFFFFFFFF", "9223372036854775807", "2026:01", "1.5e-2", "+0x10", "½", ".", "+", "'true'", "a_b"]
+SCALARS = """
+    1e3 1E1 .5 5. +5 -0 0x10 0o7 010 08 09.5 010.5 1_000 1:30 0b11 .inf -.inf yes! 1e 1e+ 1.e1
+    .e1 1..2 0x 0x1G 00 -010 --8 1,000 +.5 8f 1d3 8#c true TRUE tRue '8' "8" '' 0xFFFFFFFF
+    9223372036854775807 2026:01 1.5e-2 +0x10 ½ . + 'true' a_b
+"""
 
 
 def test_scalars_are_those_of_ros(nodes, tmp_path):
-    path = tmp_path / "robot.yaml"
-    lines = [f"    p{number}: {text}" for number, text in enumerate(SCALARS)]
+    path, scalars = tmp_path / "robot.yaml", SCALARS.split()
+    lines = [f"    p{number}: {text}" for number, text in enumerate(scalars)]
     path.write_text("\n".join(["/**:", "  ros__parameters:", *lines]))
     words = ["--ros-args", "--params-file", str(path)]
     nodes.append(Node("reader", cli_args=words))
-    read = [nodes[-1]._parameter_overrides[f"p{n}"].value for n in range(len(SCALARS))]
-    ours = [parse_yaml(text) for text in SCALARS]
+    read = [nodes[-1]._parameter_overrides[f"p{n}"].value for n in range(len(scalars))]
+    ours = [parse_yaml(text) for text in scalars]
     assert [*map(repr, ours)] == [*map(repr, read)]
 
 
