@@ -34,7 +34,7 @@ from rpud_sim.foundation.schema import read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion
+from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, Feed, Motion
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 _FRAME_PREFIX = re.compile(r"([A-Za-z][\w/-]*)?", re.ASCII)
@@ -113,7 +113,7 @@ class Configuration(ParameterGroup):
     @property
     def has_feed(self) -> bool:
         """Whether a feed or the mount's motion is commanded, and the weight on bit follows."""
-        return self.mount.feed_model != "none"
+        return self.mount.giver is not None
 
     def check(self, command: Command) -> None:
         """Check that the drill can take a command; of a drive, one that leaves nothing open.
@@ -129,17 +129,16 @@ class Configuration(ParameterGroup):
                     f"vibration_amplitude at drive voltage {command.voltage:g} V",
                     self.parameters.vibration_amplitude * ratio,
                 )
-        elif isinstance(command, Feed | MountMotion):
-            given, model = isinstance(command, MountMotion), self.mount.feed_model
-            if model != ("given" if given else "arm"):
-                what = "the motion of the mount" if given else "a feed"
-                raise ParameterError(f"{what} cannot be commanded with feed_model = {model}")
-            self.mount.check(command)
-        elif self.has_feed:
-            raise ParameterError(
-                f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
-                f"it follows from the {'mount' if self.mount.is_given else 'feed'}"
-            )
+            return
+        giver, model = self.mount.giver, f"with feed_model = {self.mount.feed_model}"
+        if isinstance(command, Motion):
+            if not (giver and isinstance(command, giver)):
+                what = "a feed" if isinstance(command, Feed) else "the motion of the mount"
+                raise ParameterError(f"{what} cannot be commanded {model}")
+            command.check(self.mount.limits)
+        elif giver:
+            follows = f"it follows from the {COMMAND_NAMES[giver]}"
+            raise ParameterError(f"weight_on_bit cannot be commanded {model}: {follows}")
 
 
 def whole_configuration(drill: Configuration | Parameters) -> Configuration:
