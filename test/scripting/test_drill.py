@@ -77,6 +77,20 @@ def test_lost_commands_make_it_safe():
     assert drill.status.weight_on_bit == 9.0
 
 
+def test_the_force_on_a_mount_that_moves_has_the_momentum_of_all_samples():
+    drill = rpud_sim.Drill(feed_model="given", feed_rate_limit=1.0, initial_feed=2e-3)
+    forces, place, random = [], 2e-3, np.random.default_rng(1)
+    for _ in range(10):
+        rate = random.uniform(-0.05, 0.05)
+        for _ in range(20):
+            place += 1e-3 * rate
+            drill.move(place, rate)
+            drill.step(1e-3)
+            forces.append(drill.reacting_force)
+    samples = drill.run.waveform(2_000_000)["reacting_force"][1:].reshape(200, 2000)
+    assert forces == pytest.approx(samples.mean(axis=1), abs=0.01)
+
+
 def test_a_drive_that_is_switched_on_again_has_its_last_commanded_voltage():
     drill = rpud_sim.Drill(command_timeout=0.05, command_loss_ramp=0.05)
     drill.drive(voltage=120)
