@@ -28,7 +28,7 @@ class ChildProcess:
     """Process in a session of its own: Ctrl-C does not reach it.
 
     Its output goes to a file, or stays in memory; with ``errors_apart`` its errors do not belong to
-    it. The kernel interrupts it when this process ends.
+    it. It reads from the descriptor ``source``. The kernel interrupts it when this process ends.
     """
 
     def __init__(
@@ -40,6 +40,7 @@ class ChildProcess:
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         errors_apart: bool = False,
+        source: int = subprocess.DEVNULL,
     ) -> None:
         self.command = tuple(command)
         self.name = name
@@ -51,7 +52,7 @@ class ChildProcess:
                 self.command,
                 env=environment,
                 cwd=folder,
-                stdin=subprocess.DEVNULL,
+                stdin=source,
                 stdout=self._output,
                 stderr=self._errors,
                 start_new_session=True,

@@ -372,10 +372,10 @@ peak_force | peak force | | kN | force | 0.5 | | ContactForce
 contact_force | contact force | | kN | force | 0.5 | |
 reacting_force | reacting force | R | N | load | 1e-6 | | ReactingForce.force
 weight_on_bit | weight on bit | W | N | command | 1e-6 | | Mount Status
-nodal_plane | nodal plane | | mm | plane | 1e-12 | any | NodalPlane.position
-actuator | actuator tip | | mm | plane | 1e-12 | any |
-free_mass | free mass | | mm | mass | 1e-12 | any |
-drill_tool | drill tool | | mm | tool | 1e-12 | any | DrillTool.displacement
+nodal_plane | nodal plane | | mm | plane | 1e-8 | any | NodalPlane.position
+actuator | actuator tip | | mm | plane | 1e-8 | any |
+free_mass | free mass | | mm | mass | 1e-8 | any |
+drill_tool | drill tool | | mm | tool | 1e-8 | any | DrillTool.displacement
 electrical_power | electrical power | | W | power | 1e-6 | | ActuatorState Status
 actuator_power | power of the vibration | | W | power | 1e-6 | | Power Status
 absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Power Status

@@ -95,7 +95,7 @@ STATE = record_type(
         *floats("envelope_real", "envelope_imag"),
         *floats("envelope_age"),  # time since the envelope was written
         *floats("update_due"),  # time until the next update is due
-        *floats("drawn", "heat", "work", "owed"),
+        *floats("drawn", "heat", "work", "pending"),
     ]
 )
 

@@ -189,7 +189,7 @@ def checked(status, state):
     """Return a status, or NOT_FINITE where numbers that all others follow from are not finite."""
     zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
     zero += 0.0 * state.u_dt + 0.0 * state.v_dt
-    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
+    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.pending
     return status if status != DONE or zero == 0.0 else NOT_FINITE
 
 

@@ -7,8 +7,8 @@ voltage across the motional resistance R in the frame of the drive:
 
 The vibration of the bodies has the amplitude s abs(z) and the sum of the phases of drive and z. The
 branch stores tau abs(z)^2 / 4 R, the energy of a modal mass M = tau / (2 R (s Omega)^2) at the tip,
-draws V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - owed, where ``owed``
-is the work that the next update subtracts.
+draws V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - pending, the last of
+which is the work that the next update subtracts.
 
 - A blow on the tip changes velocity and energy of the vibration immediately, unless it is at rest.
 - A contact that lasts does not change the vibration. Its work is subtracted at the next update.
@@ -63,7 +63,7 @@ class ResonatorEnergy(NamedTuple):
     heat: float  # in the motional resistance [J]
     work: float  # on the bodies [J]
     stored: float  # in the vibration [J]
-    owed: float  # work that the next update subtracts from the vibration [J]
+    pending: float  # work that the next update subtracts from the vibration [J]
 
 
 @compiled
@@ -131,7 +131,7 @@ def account(state, segment, time):
         state.heat + heat,
         work,
         stored_energy(state, envelope),
-        state.owed + work - state.work - advanced,
+        state.pending + work - state.work - advanced,
     )
 
 
@@ -155,7 +155,7 @@ def bring_envelope(state):
 def replace_envelope(state, before, after):
     """Replace the envelope [V]; the next update subtracts the energy that this adds."""
     set_envelope(state, after)
-    state.owed += stored_energy(state, after) - stored_energy(state, before)
+    state.pending += stored_energy(state, after) - stored_energy(state, before)
 
 
 @compiled
@@ -169,7 +169,7 @@ def load(state, impulse, work):
     share = 2.0 * omega * state.resistance * state.amplitude_per_volt / state.decay_time
     replace_envelope(state, before, before - share * impulse)
     state.work += work
-    state.owed += work
+    state.pending += work
     if state.steady:
         state.steady = 0
         state.update_due = update_interval(state, state.drive_frequency)
@@ -336,7 +336,7 @@ def update(state):
     before = bring_envelope(state)
     state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
     energy = stored_energy(state, before)
-    left = energy - state.owed
+    left = energy - state.pending
     if left <= 0.0:
         envelope = complex(0.0, 0.0)
     elif energy > 0.0:

@@ -18,6 +18,7 @@ from rclpy.type_support import check_for_type_support
 
 from rpud_sim.bag.encoder import CODES, Members
 from rpud_sim.bag.encoder import Sequence as SequenceOf
+from rpud_sim.foundation.quantities import did_you_mean
 
 CLOCK = "/clock"
 STATUS = "rpud_msgs/msg/Status"  # type of the topic that only drills publish
@@ -39,14 +40,17 @@ def message_class(type_name: str) -> Any:
         raise UnknownTypeError(f"type {type_name!r} is not of the form package/msg/Name")
     package, kind, name = match.groups()
     try:
-        message = getattr(importlib.import_module(f"{package}.{kind}"), name)
-        check_for_type_support(message)
-    except Exception as error:
-        # A foreign package may raise anything while it is loaded.
-        raise UnknownTypeError(
-            f"type {type_name} is not installed here ({type(error).__name__}: {error})"
-        ) from error
-    return message
+        module = importlib.import_module(f"{package}.{kind}")
+        if (message := getattr(module, name, None)) is not None:
+            check_for_type_support(message)
+            return message
+        hint = did_you_mean(name, [each for each in vars(module) if each[0].isupper()])
+        reason = f"{package} has no {kind} of this name; {hint}"
+    except ModuleNotFoundError:
+        reason = f"there is no {package}.{kind} in this environment"
+    except Exception as error:  # a foreign package may raise anything while it is loaded
+        reason = f"{type(error).__name__}: {error}"
+    raise UnknownTypeError(f"type {type_name} is not installed here: {reason}")
 
 
 def members_of(message: Any) -> Members:

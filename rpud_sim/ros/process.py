@@ -6,8 +6,7 @@ import faulthandler
 import os
 import select
 import signal
-import sys
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
@@ -22,6 +21,7 @@ from rclpy.utilities import remove_ros_args
 
 from rpud_sim.foundation.options import DOMAIN
 from rpud_sim.foundation.quantities import ExpectedError
+from rpud_sim.ros.loopback import complete_environment
 
 LONGEST_END = 20.0  # of a node that has stopped, on a busy machine too [s]
 _WITHOUT_LOG = ("--ros-args", "--disable-external-lib-logs")
@@ -184,33 +184,6 @@ def limited_end() -> Iterator[None]:
         yield
     finally:
         faulthandler.cancel_dump_traceback_later()
-
-
-_WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
-_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-
-# Profile that keeps Fast DDS on loopback, in the folder that this package shares.
-PROFILE = Path("config", "fastdds_loopback.xml")
-
-
-def complete_environment(environment: MutableMapping[str, str], prefix: str = sys.prefix) -> None:
-    """Set what is not set, as ``env.bash`` does, so that the wheels of ROS use loopback alone."""
-    if _WHEELS not in environment:  # Python sets it at its start where ROS's wheels are
-        return
-    environment.setdefault("AMENT_PREFIX_PATH", prefix)
-    if environment.setdefault(_RANGE, "LOCALHOST") == "LOCALHOST":
-        environment.update(loopback_variables(environment, Path(prefix, "share/rpud_sim", PROFILE)))
-
-
-def loopback_variables(environment: Mapping[str, str], profile: Path | None) -> dict[str, str]:
-    """Return the variables that keep ROS on loopback; ``profile`` of Fast DDS is installed."""
-    fast_dds = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
-    given = Path(environment.get(_PROFILES, profile or ""))
-    if fast_dds and given.name == PROFILE.name and given.is_file():
-        # LOCALHOST opens sockets on every interface; SYSTEM_DEFAULT leaves that to the profile.
-        return {_PROFILES: str(given), _RANGE: "SYSTEM_DEFAULT"}
-    return {_RANGE: "LOCALHOST"}
 
 
 # Joint and link of urdf/rpud_feed.urdf for each model.

@@ -123,7 +123,7 @@ class ActuatorReading:
     heat: float = math.nan  # since time zero [J]
     mechanical_work: float = math.nan  # of the vibration on the bodies since time zero [J]
     stored: float = math.nan  # energy of the vibration [J]
-    owed: float = math.nan  # work that the next update subtracts from the vibration [J]
+    pending: float = math.nan  # work that the next update subtracts from the vibration [J]
 
     @property
     def impedance(self) -> float:
@@ -225,7 +225,7 @@ class Actuator:
             heat=account.heat,
             mechanical_work=account.work,
             stored=account.stored,
-            owed=account.owed,
+            pending=account.pending,
         )
 
     def step(self, time: int, account: ResonatorEnergy) -> None:

@@ -20,7 +20,7 @@ from rpud_sim.testing.errors import (
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import LockstepDrill
-    from rpud_sim.testing.setup import open_drill
+    from rpud_sim.testing.drill_pool import open_drill
 
 __all__ = [
     "DrillError",
@@ -37,6 +37,5 @@ def __getattr__(name: str) -> Any:
     """Return a public name: pytest imports this package also where no test has a drill."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(
-        import_module(f"{__name__}.{'drill' if name == 'LockstepDrill' else 'setup'}"), name
-    )
+    module = "drill" if name == "LockstepDrill" else "drill_pool"
+    return getattr(import_module(f"{__name__}.{module}"), name)

@@ -9,20 +9,29 @@ import pytest
 
 if TYPE_CHECKING:  # pytest imports the plugin in every run, also where no test has a drill
     from rpud_sim.testing.drill import LockstepDrill
+    from rpud_sim.testing.drill_pool import DrillPool
     from rpud_sim.testing.setup import DrillSetup
 
 DRILLS = pytest.StashKey[list[Any]]()  # of an item
 FLIGHT = pytest.StashKey[Any]()  # of an item whose flights are compared: its present one
-POOL = pytest.StashKey[Any]()  # of a configuration
+POOL = pytest.StashKey["DrillPool"]()  # of a configuration
+
+
+def pool_of(config: pytest.Config) -> DrillPool:
+    """Return the pool of this process; its first drill's process loads while this one does."""
+    if POOL not in config.stash:
+        from rpud_sim.testing.drill_pool import DrillPool
+
+        config.stash[POOL] = DrillPool()
+    return config.stash[POOL]
 
 
 def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> LockstepDrill:
     """Return a drill at time zero for a test, which leaves its artefacts."""
-    from rpud_sim.testing.setup import DrillPool, check_ros
+    from rpud_sim.testing.drill_pool import check_ros
 
     check_ros()
-    pool: DrillPool = item.config.stash.setdefault(POOL, DrillPool())
-    drill = pool.take(setup, folder)
+    drill = pool_of(item.config).take(setup, folder)
     item.stash.setdefault(DRILLS, []).append(drill)
     if FLIGHT in item.stash:
         item.stash[FLIGHT].take(drill)

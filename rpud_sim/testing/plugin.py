@@ -11,6 +11,7 @@ import argparse
 import secrets
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,14 @@ import pytest
 
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
 from rpud_sim.testing.errors import ExpectationUndecidedError
-from rpud_sim.testing.item_drills import DRILLS, FLIGHT, POOL, give_back_drills, take_drill
+from rpud_sim.testing.item_drills import (
+    DRILLS,
+    FLIGHT,
+    POOL,
+    give_back_drills,
+    pool_of,
+    take_drill,
+)
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import LockstepDrill
@@ -92,7 +100,10 @@ def pytest_report_header(config: pytest.Config) -> list[str]:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Check the marks of all selected tests before anything starts."""
+    """Check the marks of all selected tests; where the first has a drill, its process starts."""
+    if not session.config.option.collectonly and any(map(_has_drill, session.items[:1])):
+        with suppress(RuntimeError):  # no domain is free, which the test will say
+            pool_of(session.config)
     errors = []
     for item in session.items:
         if item.get_closest_marker("rpud") is None:
@@ -212,6 +223,7 @@ def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Lock
     item = request.node
     if _ERROR in item.stash:
         pytest.fail(item.stash[_ERROR], pytrace=False)
+    pool_of(item.config)
 
     def make(**options: Any) -> LockstepDrill:
         return take_drill(item, _setup_of(item, options), item.path.parent)
@@ -240,6 +252,10 @@ def _count(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
     return int(text)
+
+
+def _has_drill(item: pytest.Item) -> bool:
+    return "drill_factory" in getattr(item, "fixturenames", ())
 
 
 def _setup_of(item: pytest.Item, further: dict[str, Any] | None = None) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import shutil
 import signal
 import socket
@@ -13,12 +14,11 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import yaml
 
 from rpud_sim.foundation.child_process import ChildProcess
-from rpud_sim.ros.process import PROFILE, loopback_variables
+from rpud_sim.ros.loopback import PROFILE, loopback_variables
 from rpud_sim.testing.guard import VARIABLE
 
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
@@ -31,7 +31,16 @@ LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
 
 _GUARD = Path(__file__).with_name("guard.py")
 NO_FAULTS = "faults: []\n"
-_PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
+# It loads what takes time, and has its arguments from a line of its input.
+_PROGRAM = """
+import shlex, sys
+import rpud_sim.ros.drill.drill_node
+from rpud_sim.cli.executables import drill_node
+from rpud_sim.simulation import Settings, compile_kernels
+compile_kernels(Settings().configuration)
+sys.argv += shlex.split(sys.stdin.readline() or sys.exit())
+drill_node()
+"""
 
 
 class DomainError(RuntimeError):
@@ -84,8 +93,14 @@ def applied(environment: Mapping[str, str]) -> Iterator[None]:
         # Fast DDS reads a profile only once, and has perhaps done so.
         wanted.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         wanted["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    with patch.dict(os.environ, wanted, clear=True):
+    before = dict(os.environ)
+    os.environ.clear()
+    os.environ.update(wanted)
+    try:
         yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def _environment_domain() -> tuple[int, ...]:
@@ -109,23 +124,19 @@ def _is_free(port: int) -> bool:
 
 
 class DrillProcess:
-    """Drill node that has just been started, in a domain that it has claimed.
+    """Process of a drill node, in a domain of its own: it imports, and waits for its start.
 
     It reads its scenario again at each reset: a file that the owner may write before. A guard ends
     all processes with its environment if this process is killed.
     """
 
-    def __init__(self, parameters: Mapping[str, Any], namespace: str) -> None:
-        self.namespace = namespace
+    def __init__(self) -> None:
+        self.namespace = ""  # of the node, from its start on
         self.folder = Path(tempfile.mkdtemp(prefix="rpud_drill_"))
         self._claim = DomainClaim()
         self.domain = self._claim.domain
         self.scenario = self.folder / "scenario.yaml"
         self.scenario.write_text(NO_FAULTS)
-        # A name, not the path: the journal has it, and is the same in every flight.
-        values = {**parameters, **LOCKSTEP, "scenario": self.scenario.name}
-        file = self.folder / "parameters.yaml"
-        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
         self.environment = {
             **loopback_environment(self.domain),
             VARIABLE: str(self.folder / "log"),
@@ -138,18 +149,30 @@ class DrillProcess:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
+        reading, self._input = os.pipe()
         self.process = ChildProcess(
-            (
-                *(sys.executable, "-c", _PROGRAM, "--ros-args"),
-                *("-r", f"__ns:={namespace}", "--params-file", str(file)),
-            ),
+            (sys.executable, "-c", _PROGRAM),
             environment=self.environment,
             folder=self.folder,
+            source=reading,
         )
+        os.close(reading)
+
+    def start(self, parameters: Mapping[str, Any], namespace: str) -> None:
+        """Start the node, with these parameters and those of every drill of a test."""
+        self.namespace = namespace
+        # A name, not the path: the journal has it, and is the same in every flight.
+        values = {**parameters, **LOCKSTEP, "scenario": self.scenario.name}
+        file = self.folder / "parameters.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
+        words = ("--ros-args", "-r", f"__ns:={namespace}", "--params-file", str(file))
+        with contextlib.suppress(BrokenPipeError):  # it has ended, which its owner will see
+            os.write(self._input, f"{shlex.join(words)}\n".encode())
 
     def stop(self) -> None:
         """End it, and leave the domain to others."""
         self.process.end(signal.SIGINT)
+        os.close(self._input)
         self._claim.release()
         shutil.rmtree(self.folder, ignore_errors=True)
         self._guard.kill()

@@ -36,7 +36,7 @@ class Refusals:
         reason = self._reasons[-1] if self._reasons else "its reason has not arrived"
         return f"{count} command{'s' * (count > 1)} refused, the last: {reason}"
 
-    def _take(self, topic: str, message: Any) -> None:
+    def _take(self, topic: str, message: Any, published: int) -> None:
         # Messages with an earlier number are of the run before.
         if topic == "command_results" and message.status > self._begun:
             new = message.results[message.repeated :]

@@ -1,13 +1,11 @@
-"""Drills that tests ask for: options checked before anything starts, drills kept between tests."""
+"""Drills that tests ask for: their options, checked before anything starts."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
-from importlib import import_module
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
@@ -30,13 +28,7 @@ from rpud_sim.simulation.configuration import (
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, check_supported
 from rpud_sim.simulation.scenario_file import scenario_at
-from rpud_sim.testing.errors import DrillError
-from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS, DrillProcess
-
-if TYPE_CHECKING:
-    from rpud_sim.testing.drill import LockstepDrill
-
-_MOST_IDLE = 3  # drills that are kept: each takes some 200 MB
+from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS
 
 _OWN = ("config", "faults", "seed", "namespace")
 _RESERVED: Mapping[str, str] = {
@@ -55,6 +47,12 @@ class DrillSetup:
     scenario: str = NO_FAULTS  # content of a scenario file
     namespace: str = NAMESPACE  # of the node
     faults: tuple[Fault, ...] = ()  # of the scenario, in the order of their onsets
+
+    @property
+    def all_parameters(self) -> dict[str, Any]:
+        """The parameters, with the defaults of those that are not given."""
+        values = to_settings(self.parameters).values()
+        return {name: value for name, value in values.items() if name not in _RESERVED}
 
 
 def drill_setup(
@@ -143,87 +141,3 @@ def _scenario(
         except FaultError as error:
             raise FaultError(f"{prefix}{error}") from None
     return yaml.safe_dump(top.value), tuple(fault for fault, _ in scheduled)
-
-
-def check_ros() -> None:
-    """Raise a DrillError that says what to install where ROS 2 cannot be imported."""
-    try:
-        import_module("rclpy")
-        import_module("rpud_msgs.msg")
-    except ImportError as error:
-        raise DrillError(
-            f"a drill of a test needs ROS 2 Jazzy ({error}): pip install 'rpud_sim[ros]', or "
-            "source /opt/ros/jazzy/setup.bash and the workspace with rpud_msgs"
-        ) from None
-
-
-class DrillPool:
-    """Drills of one process of tests."""
-
-    def __init__(self) -> None:
-        self._idle: list[LockstepDrill] = []
-
-    def take(self, setup: DrillSetup, folder: Path | None = None) -> LockstepDrill:
-        """Return a drill at time zero, as if just started; commands start in ``folder``."""
-        parameters = sorted(f"{name}={value!r}" for name, value in setup.parameters.items())
-        key = (setup.namespace, *parameters)
-        own = [each for each in self._idle if each.key[0] == setup.namespace]
-        for drill in sorted(own, key=lambda each: each.key != key):
-            self._idle.remove(drill)
-            try:
-                if drill.key != key:
-                    drill.renew(_all_parameters(setup))
-                    drill.key = key
-                drill.begin(setup.seed, setup.scenario)
-            except DrillError:  # it has died, or does not come back: another one takes its place
-                drill.close()
-            else:
-                drill.folder = folder
-                return drill
-        process = DrillProcess(setup.parameters, setup.namespace)  # it starts during the import
-        from rpud_sim.testing.drill import LockstepDrill  # with all of ROS
-
-        drill = LockstepDrill(process, folder)
-        drill.key = key
-        try:
-            drill.begin(setup.seed, setup.scenario)
-        except BaseException:
-            drill.close()
-            raise
-        return drill
-
-    def give_back(self, drill: LockstepDrill) -> None:
-        """Keep a drill for the next test; its processes under test end."""
-        if not drill.alive:
-            drill.close()
-            return
-        drill.end()
-        self._idle.append(drill)
-        while len(self._idle) > _MOST_IDLE:
-            self._idle.pop(0).close()
-
-    def close(self) -> None:
-        while self._idle:
-            self._idle.pop().close()
-
-
-def _all_parameters(setup: DrillSetup) -> dict[str, Any]:
-    """Return the parameters of a drill with the defaults of those that are not given."""
-    values = to_settings(setup.parameters).values()
-    return {name: value for name, value in values.items() if name not in _RESERVED}
-
-
-@contextlib.contextmanager
-def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[LockstepDrill]:
-    """Start a drill in lockstep, and end it: for test runners other than pytest.
-
-    ``folders`` are those in which relative paths are looked for; commands start in the first one.
-    Options are those of the mark ``rpud``.
-    """
-    setup = drill_setup(options, folders)
-    check_ros()
-    drill = DrillPool().take(setup, folders[0] if folders else None)
-    try:
-        yield drill
-    finally:
-        drill.close()

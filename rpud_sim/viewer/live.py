@@ -224,7 +224,7 @@ class LiveDrill:
         self._telemetry = client.telemetry(self._history.sinks())
         return client
 
-    def _latched(self, topic: str, message: Any) -> None:
+    def _latched(self, topic: str, message: Any, published: int) -> None:
         if topic == "command_results":
             for result in message.results[message.repeated :]:
                 if not result.accepted:
@@ -232,7 +232,7 @@ class LiveDrill:
                         self._history.refuse(plain_refusal(result.reason))
             return
         with self._lock:
-            self._history.latched(topic, message)
+            self._history.latched(topic, message, published)
         if topic == "status":
             self._status_at = time.monotonic()
 

@@ -46,8 +46,9 @@ Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period 
 class LiveHistory(History):
     """History of the present run of a drill; not safe for threads by itself.
 
-    Fast messages wait in lists until ``settle``. Messages before the journal's stamp of time zero
-    are left out, except the latest status and faults, which are kept for that moment.
+    Fast messages wait in lists until ``settle``. A message is of the last run that had begun when
+    it was published. Messages before the journal's stamp of time zero are left out, except the
+    latest reports and faults, which are kept for that moment.
     """
 
     live = True
@@ -56,10 +57,13 @@ class LiveHistory(History):
     def __init__(self) -> None:
         self.run = 0
         self.journal_lost = 0
-        self._kept: dict[str, Any] = {}  # latest latched message by topic
+        self._kept: dict[str, tuple[Any, int]] = {}  # latest latched message by topic, and when
+        self._begins: dict[int, int] = {}  # when each begin that is not taken in was published [ns]
+        self._begun = 0  # when the run's begin was published [ns]; 0 if it is not known
         self._journal_next = 0
         self.held: list[Any] = []  # entries whose run is not known until others are there
-        self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
+        # Of each message: its stamp [ns], its values, and when it was published [ns].
+        self._waiting: dict[str, list[tuple[int, tuple[Any, ...], int]]] = {
             topic: [] for topic in (*FIELDS, "waveform")
         }
         super().__init__("", _SIGNALS, ())
@@ -76,32 +80,36 @@ class LiveHistory(History):
         self._newest: Block | None = None
         self._latest: dict[str, tuple[Any, ...]] = {}
         for waiting in self._waiting.values():
-            waiting.clear()
+            waiting[:] = [each for each in waiting if each[-1] >= self._begun > 0]
 
     def restart(self) -> None:
         """Forget the drill: what comes next is of another one, which numbers from zero."""
         self._origins = []
         self._kept = {}
+        self._begins = {}
+        self._begun = 0
         self.held = []
         self._journal_next = 0
 
     def sinks(self) -> dict[str, Callable[..., object]]:
-        """Return, by topic, a function that keeps stamp and values for ``settle``."""
+        """Return, by topic, a function that keeps what ``FastTopics`` gives for ``settle``."""
 
-        def keep(waiting: list[tuple[int, tuple[Any, ...]]], *message: Any) -> None:
+        def keep(waiting: list[tuple[int, tuple[Any, ...], int]], *message: Any) -> None:
             waiting.append(message)
 
         return {topic: partial(keep, waiting) for topic, waiting in self._waiting.items()}
 
-    def latched(self, topic: str, message: Any) -> None:
-        """Take in a message of a latched topic."""
+    def latched(self, topic: str, message: Any, published: int = 0) -> None:
+        """Take in a message of a latched topic, and when it was published [ns]; 0: not known."""
         self._changes += 1
+        if topic == "journal" and message.kind == "begin":
+            self._begins[message.sequence] = published
         if topic == "journal" and (self.held or (message.sequence and not self._journal_next)):
             self.held.append(message)
         elif topic == "journal":
             self._journal(message)
-        else:
-            self._kept[topic] = message
+        elif published >= self._begun:
+            self._kept[topic] = message, published
             if self._origins:
                 self._show(topic, message)
 
@@ -129,8 +137,9 @@ class LiveHistory(History):
             self.block = newest
             self._changes += 1
         for topic, waiting in self._waiting.items():
-            if waiting and self._origins:
-                self._settle(topic, waiting)
+            own = [each for each in waiting if each[-1] >= self._begun]
+            if own and self._origins:
+                self._settle(topic, own)
             waiting.clear()
 
     @property
@@ -167,8 +176,8 @@ class LiveHistory(History):
         impacts = [[at - start, *rest] for at, *rest in self.latest_impacts if start <= at < end]
         return {**samples, "time": start, "period": period * stride, "impacts": impacts}
 
-    def _settle(self, topic: str, waiting: list[tuple[int, tuple[Any, ...]]]) -> None:
-        stamps, messages = zip(*waiting, strict=True)
+    def _settle(self, topic: str, waiting: list[tuple[int, tuple[Any, ...], int]]) -> None:
+        stamps, messages, _ = zip(*waiting, strict=True)
         times = self._times(np.array(stamps, np.int64))
         if times[-1] < 0:
             return
@@ -208,6 +217,7 @@ class LiveHistory(History):
 
     def _journal(self, entry: Any) -> None:
         number = int(entry.sequence)
+        published = self._begins.pop(number, 0)
         if self._journal_next:
             self.journal_lost += max(0, number - self._journal_next)
         self._journal_next = number + 1
@@ -220,17 +230,14 @@ class LiveHistory(History):
         stamp = _stamp(entry)
         origin = stamp - time
         if entry.kind == "begin":
-            # Where the clock goes back, a later report belongs to the run before. Faults are not
-            # repeated: those may be the newest ones, received before the journal.
-            back = bool(self._origins) and origin <= self._origins[-1][1]
-            for topic in _REPORTS:
-                if back and topic in self._kept and _stamp(self._kept[topic]) > stamp:
-                    del self._kept[topic]
+            self._begun = published
+            kept = self._kept.items()
+            self._kept = {topic: latest for topic, latest in kept if latest[1] >= published}
             self.run += 1
             self.clear()
         if not self._origins or self.time is None:
             self._origins = [(stamp, origin)]
-            for topic, message in self._kept.items():
+            for topic, (message, _) in self._kept.items():
                 if _stamp(message) >= origin:
                     self._show(topic, message)
         elif origin != self._origins[-1][1]:  # the run goes on with other stamps

@@ -5,7 +5,6 @@ import itertools
 import os
 import re
 import shlex
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 from scipy.stats import sem, ttest_ind
+from support import Process
 
 import rpud_sim
 
@@ -209,17 +209,16 @@ def test_momentum_and_energy_that_leave_one_simulator_arrive_in_the_other(press)
 
 
 def test_over_ros_the_arm_is_the_clock_of_the_drill_and_its_part_is_proved(press, tmp_path):
-    bag, log = tmp_path / "bag", tmp_path / "log"
+    bag = tmp_path / "bag"
     path = os.pathsep.join([os.environ.get("PYTHONPATH", ""), os.environ["RPUD_OPTIONAL"]])
-    rpud = [sys.executable, "-m", "rpud_sim.cli.main", "run", "--use-sim-time", "--quiet"]
-    rpud += ["--config", FOLDER / "drill.yaml", "--record", bag]
-    with log.open("w") as said, subprocess.Popen(rpud, stderr=said, stdout=said) as drill:
-        arm = [sys.executable, FOLDER / "arm_node.py", "0.5"]
-        done = subprocess.run(
-            arm, env={**os.environ, "PYTHONPATH": path}, timeout=120, capture_output=True, text=True
-        )
-        drill.send_signal(signal.SIGINT)
-    assert done.stdout.startswith("hole "), (done.stderr, log.read_text())
+    options = ("--use-sim-time", "--quiet", "--config", FOLDER / "drill.yaml", "--record", bag)
+    arm = (sys.executable, FOLDER / "arm_node.py", "0.5")
+    with Process("rpud", "run", *options) as drill:
+        with Process(*arm, env={**os.environ, "PYTHONPATH": path}) as moved:
+            moved.wait_for_line("^hole ")
+            assert moved.wait() == 0
+        drill.interrupt()
+        assert drill.wait() == 0, drill.output
     found = rpud_sim.verify(bag)
     assert found.proved
     assert found.topics["/rpud/wrench"].equal >= 500

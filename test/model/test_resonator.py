@@ -52,7 +52,7 @@ def updates(state, most=20_000):
 def balance(state):
     """Energies drawn, and those that it went to."""
     stored = resonator.stored_energy(state, complex(state["envelope_real"], state["envelope_imag"]))
-    return state["drawn"], state["heat"] + state["work"] + stored - state["owed"]
+    return state["drawn"], state["heat"] + state["work"] + stored - state["pending"]
 
 
 @settings(max_examples=20, deadline=None)
@@ -85,7 +85,7 @@ def test_it_rings_up_and_down_with_its_time_constant():
     resonator.change_drive(state, 0.0, 16000.0, 15990.0)
     for time, amplitude, frequency in updates(state):
         if amplitude > 0.0:
-            # What was owed for taking the end as reached is given back at first.
+            # What was pending for taking the end as reached is given back at first.
             assert amplitude == pytest.approx(NOMINAL * math.exp(-time / TAU), rel=2e-3)
             assert frequency == pytest.approx(15990.0, abs=5.0)
     assert state["amplitude"] == 0.0
@@ -139,20 +139,20 @@ def test_a_blow_moves_no_tip_and_takes_its_work_from_the_vibration(phase, impuls
     list(updates(state))
     state["phase"] = state["drive_phase"] = phase % 1.0
     state["v_np"] = 0.3
-    owed = float(state["owed"])
+    pending = float(state["pending"])
     mass = TAU / (2.0 * RESISTANCE * (SCALE * 2.0 * math.pi * 16000.0) ** 2)
     u, v = vibration_of(state["amplitude"], state["frequency"], turn_at(state["phase"]))
-    before = balance(state)[1] - state["work"] + state["owed"]
+    before = balance(state)[1] - state["work"] + state["pending"]
     resonator.blow(drill, state, impulse)
     u_after, v_after = vibration_of(state["amplitude"], state["frequency"], turn_at(state["phase"]))
     assert u_after == pytest.approx(u, abs=1e-18)
     assert state["v_np"] == pytest.approx(0.3 - impulse / drill.rpud_mass, abs=1e-15)
     assert v_after == pytest.approx(v - impulse / mass, abs=1e-12)
     assert state["work"] == pytest.approx(0.5 * mass * (v**2 - v_after**2), abs=1e-13)
-    # The envelope was the vibration's, so that nothing is owed.
-    after = balance(state)[1] - state["work"] + state["owed"]
+    # The envelope was the vibration's, so that nothing is pending.
+    after = balance(state)[1] - state["work"] + state["pending"]
     assert before - after == pytest.approx(state["work"], abs=1e-12)
-    assert state["owed"] == pytest.approx(owed, abs=1e-12)
+    assert state["pending"] == pytest.approx(pending, abs=1e-12)
     assert resonator.tip_mass(drill, state) == pytest.approx(
         1.0 / (1.0 / drill.rpud_mass + 1 / mass)
     )

@@ -1,6 +1,7 @@
 """Publishers wait for subscribers, requests connect to all, and gaps are counted exactly."""
 
 import itertools
+import re
 from math import inf
 from types import SimpleNamespace
 
@@ -134,6 +135,16 @@ def test_what_new_publishers_sent_before_they_were_heard_is_missing(firsts):
 def test_another_type_is_named(name):
     with pytest.raises(UnknownTypeError, match=name or "''"):
         message_class(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("std_msgs/msg/Strin", "did you mean String?"), ("std_msg/msg/String", "no std_msg.msg in")],
+)
+def test_a_type_that_is_not_installed_is_said_in_words(name, hint):
+    with pytest.raises(UnknownTypeError, match=re.escape(hint)) as error:
+        message_class(name)
+    assert "Error" not in str(error.value)
 
 
 def test_a_member_that_no_message_of_ours_has_is_named():

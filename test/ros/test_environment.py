@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from rpud_sim.ros.process import complete_environment
+from rpud_sim.ros.loopback import complete_environment
 from rpud_sim.testing.processes import loopback_environment
 
 WHEELS = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}

@@ -109,7 +109,7 @@ def check_actuator(reading, account, rounding):
         1e-9 * max(reading.electrical_energy, abs(work)) + 1e-14 * throughput(account) + rounding
     )
     assert work <= reading.electrical_energy * (1.0 + 1e-9) + 1e-12
-    used = reading.heat + work + reading.stored - reading.owed
+    used = reading.heat + work + reading.stored - reading.pending
     assert used == pytest.approx(reading.electrical_energy, abs=bound)
     assert account.actuator_work == pytest.approx(work, rel=1e-9, abs=bound)
     assert account.electrical == pytest.approx(reading.electrical_energy, rel=1e-9, abs=1e-12)
@@ -167,7 +167,7 @@ def test_what_the_rotor_draws_is_electrical_too(stall_torque):
         reading, rotation = simulation.actuator, simulation.process.rotation
         work = rotation.work
         assert work.drawn > work.drive >= 0.0
-        used = reading.heat + reading.mechanical_work + reading.stored - reading.owed
+        used = reading.heat + reading.mechanical_work + reading.stored - reading.pending
         assert reading.electrical_energy == pytest.approx(used + work.drawn, rel=1e-12)
         assert account.electrical == pytest.approx(reading.electrical_energy, rel=1e-12)
         power = 0.5 * reading.voltage * reading.current * math.cos(reading.phase)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpud_sim.testing.setup import DrillPool
+from rpud_sim.testing.drill_pool import DrillPool
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,8 @@ TESTS = """
 import subprocess, time
 from rpud_sim.testing.processes import DrillProcess
 
-drill = DrillProcess({}, "/rpud")
+drill = DrillProcess()
+drill.start({}, "/rpud")
 node = "trap '' HUP INT TERM; sleep 1000 & setsid sleep 1000 & echo ready; wait; wait"
 system = subprocess.Popen(
     ["sh", "-c", node], env=drill.environment, stdout=subprocess.PIPE, start_new_session=True

@@ -48,7 +48,7 @@ def history():
 
 
 def hear(history, topic, time, *values):
-    history.sinks()[topic](ORIGIN + time, values)
+    history.sinks()[topic](ORIGIN + time, values, 0)
     history.settle()
 
 
@@ -92,8 +92,8 @@ def test_a_fault_is_shown_to_who_joins_after_a_reset(reset):
 def test_all_quantities_of_the_whole_run_are_kept(history):
     sinks = history.sinks()
     for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
-        sinks["reacting_force"](ORIGIN + time, (force, 0))
-        sinks["contact_force"](ORIGIN + time, (0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False))
+        sinks["reacting_force"](ORIGIN + time, (force, 0), 0)
+        sinks["contact_force"](ORIGIN + time, (0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False), 0)
     history.settle()
     for found in history.bins:
         seen = found.view("reacting_force force", 0.0, 2 * BIN, 2)
@@ -172,18 +172,26 @@ def test_a_reset_begins_a_new_run_with_nothing(history):
     assert texts(history) == ["a run begins"]
 
 
-def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_before(history):
-    history.latched("status", status(5 * SECOND, state="running"))
-    history.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))
+def test_what_was_published_before_a_reset_is_of_the_run_before(history):
+    """The stamps go back, as after a long step, and no order holds among topics."""
+    hear_force = history.sinks()["reacting_force"]
+    history.latched("status", status(5 * SECOND, state="running"), 90)
+    hear_force(ORIGIN + 5 * SECOND, (5.0, 0), 91)
+    hear_force(ORIGIN + SECOND // 10, (7.0, 0), 101)
+    history.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS), 100)
     assert (history.time, history.reports) == (None, {})
-    history.latched("status", status(0, state="paused"))
-    assert (history.time, history.reports["status"]["state"]) == (0.0, "paused")
+    history.latched("status", status(4 * SECOND, state="running"), 98)
+    hear_force(ORIGIN + 4 * SECOND, (6.0, 0), 99)
+    history.settle()
+    assert (history.time, history.values["reacting_force"]["force"]) == (0.1, 7.0)
+    history.latched("status", status(SECOND, state="paused"), 102)
+    assert (history.time, history.reports["status"]["state"]) == (1.0, "paused")
 
 
 def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):
     """A pause of 60 s is over; the status with a new stamp comes before the journal says so."""
     hear(history, "reacting_force", 1 * SECOND, 5.0, 0)
-    history.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0, 0))
+    history.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0, 0), 0)
     history.latched("status", status(61_200_000_000))
     pause = 60 * SECOND
     history.latched("journal", entry(1, "origin", 1_200_000_000, ORIGIN + pause))

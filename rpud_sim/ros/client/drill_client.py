@@ -104,7 +104,7 @@ class DrillClient(ListeningNode):
         self._shown = 0  # number of the status that a step returned; those before are older
         # Messages that the drill had published on each topic when the last step ended.
         self.published: Mapping[str, int] = {}
-        self._observer: Callable[[str, Any], object] = lambda topic, message: None
+        self._observer: Callable[[str, Any, int], object] = lambda topic, message, published: None
         for topic, kind in _TOPICS.items():
             self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
         self._services = ServiceCaller(self, lambda: self.status_number)
@@ -202,10 +202,10 @@ class DrillClient(ListeningNode):
         self._listeners.append(listener)
         return listener.messages
 
-    def observe(self, observer: Callable[[str, Any], object], *others: str) -> None:
-        """Call a function with topic and message of status, faults, journal and command_results.
+    def observe(self, observer: Callable[[str, Any, int], object], *others: str) -> None:
+        """Call a function with topic, message and publishing time [ns] of latched topics.
 
-        ``others`` are further latched topics of the drill.
+        They are status, faults, journal and command_results, and ``others`` of the drill.
         """
         self._observer = observer
         for topic in others:
@@ -427,7 +427,7 @@ class DrillClient(ListeningNode):
         self._latest[topic] = message
         if topic == "command_results":
             self._commands.take(message)
-        self._observer(topic, message)
+        self._observer(topic, message, info["source_timestamp"])
 
     def _check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing."""

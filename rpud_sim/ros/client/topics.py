@@ -48,14 +48,15 @@ FIELDS: dict[str, tuple[str, ...]] = {
     if topic != "waveform"
 }
 
-Sink = Callable[[int, tuple[Any, ...]], object]
+Sink = Callable[[int, tuple[Any, ...], int], object]
 
 
 class FastTopics:
     """Subscriptions to fast topics of a drill, decoded without rclpy, and counts of losses.
 
-    ``sinks`` has, by topic, a function of the stamp [ns] and the values of ``FIELDS``; for
-    ``waveform`` of its sequence, its sample_period and a tuple of six NumPy arrays.
+    ``sinks`` has, by topic, a function of a message's stamp [ns], its values of ``FIELDS`` and when
+    it was published [ns]. The values of ``waveform`` are its sequence, its sample_period and a
+    tuple of six NumPy arrays.
     """
 
     def __init__(self, listening: ListeningNode, sinks: Mapping[str, Sink]) -> None:
@@ -79,7 +80,8 @@ class FastTopics:
             gaps.record(info["publication_sequence_number"])
             with suppress(BagFormatError):  # of another process: not of this type
                 stamp, values = decoded(kind, data)
-                sink(stamp, (*values[:2], values[2:]) if is_wave else values)
+                values = (*values[:2], values[2:]) if is_wave else values
+                sink(stamp, values, info["source_timestamp"])
 
         qos = QoSProfile(depth=_WAVES if is_wave else _DEPTH)
         listening.subscribe(kind, topic, on_message, qos, raw=True)
