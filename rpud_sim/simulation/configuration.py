@@ -337,6 +337,8 @@ class ParameterFile:
         sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
         for name, parameters in _sections(whole):
             sections.setdefault(name, []).append(parameters)
+            for each in parameters.mapping().values():
+                _check_types(each)
         self.values: dict[str, Any] = {}
         self.of_ros: list[str] = []  # names of given parameters that ROS itself declares
         self.foreign: list[str] = []  # names of those of other nodes
@@ -399,6 +401,16 @@ def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
             yield name, each
         else:
             yield from _sections(each, f"{name}/{key}" if name else str(key))
+
+
+def _check_types(cursor: Cursor) -> None:
+    """Refuse what ROS refuses, for every node: a list of values of several types."""
+    value = cursor.value
+    if isinstance(value, list) and len({str if v is None else type(v) for v in value}) > 1:
+        raise cursor.wrong("has values of several types")
+    if isinstance(value, Mapping):
+        for each in cursor.mapping().values():
+            _check_types(each)
 
 
 def _is_of(section: str, node: str) -> bool:

@@ -44,6 +44,11 @@ FILES = {
         {"gravity": 1.62},
         "arm.gain, arm.joints, max_speed",
     ),
+    "names that YAML and ROS write in two ways": (
+        "/**: {ros__parameters: {true: 3, foo: [{a: 1}], seed: 1}}",
+        {"seed": 1},
+        "True, foo",
+    ),
     "a dump": (
         "/left/drill_node:\n  ros__parameters:\n    gravity: 1.62\n    autostart: false\n"
         "    qos_overrides: {/clock: {subscription: {depth: 1}}}\n"
@@ -154,6 +159,18 @@ def test_config_says_that_it_leaves_out_what_ros_declares(tmp_path, capfd):
     assert parameter_values(Options(path)) == {"seed": 1}
     line = f"rpud: {path}: left out, not parameters of the drill: use_sim_time\n"
     assert capfd.readouterr().err == line
+
+
+@pytest.mark.parametrize("value", ["[1, a]", "[1.0, 2]", "{gains: [true, 2]}"])
+@pytest.mark.parametrize("section", ["/**", "gripper"])
+def test_a_file_that_ros_refuses_is_refused(nodes, tmp_path, section, value):
+    path = tmp_path / "robot.yaml"
+    own = "drill_node: {ros__parameters: {seed: 1}}"
+    path.write_text(f"{own}\n{section}: {{ros__parameters: {{foo: {value}}}}}")
+    with pytest.raises(RuntimeError, match="Couldn't parse params file"):
+        DrillNode(cli_args=["--ros-args", "--params-file", str(path)])
+    with pytest.raises(ParameterError, match=r":2: .* has values of several types"):
+        parameter_values(Options(path))
 
 
 def test_what_is_given_by_name_goes_before_a_file(nodes, tmp_path):
