@@ -28,6 +28,7 @@ from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
+from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, offered_topics
@@ -69,7 +70,9 @@ def run_batches(
     report: Callable[[float], object] = lambda seconds: None,
 ) -> Iterator[Iterable[Batch]]:
     """Yield all batches of a run that ends at a time [ns], each part in the order of writing."""
-    plan = Plan(plan.beginning, tuple(change for change in plan.changes if change.time < end))
+    # Its stamps are simulation time, whatever those of a run that is written again were.
+    again = [change for change in plan.changes if not isinstance(change.action, SetOrigin)]
+    plan = Plan(plan.beginning, tuple(change for change in again if change.time < end))
     run = Run(plan, Journal(), topics.__contains__, reports=True)
     run.begin(0)
     yield run.changes()

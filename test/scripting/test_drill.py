@@ -51,6 +51,7 @@ def test_its_run_has_the_bits_of_its_steps(tmp_path):
     assert rpud_sim.verify(tmp_path / "bag").proved
     with rpud_sim.open(tmp_path / "bag") as bag:
         assert bag.runs[0]["reacting_force"]["force"].tolist() == forces[1::2]
+        assert bag.runs[0]["journal"]["kind"].tolist().count("origin") == 1
 
 
 def test_a_reset_begins_again_with_the_same_or_another_seed():
