@@ -18,6 +18,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import RECEIVED, Column, FieldReader, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.metadata import TopicSummary
+from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.quantities import did_you_mean, listed, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
@@ -270,12 +271,7 @@ def to_frame(
     table: Table, columns: Mapping[str, np.ndarray], index: str | None = None
 ) -> pandas.DataFrame:
     """Return a pandas frame with a column as index, the first one by default."""
-    try:
-        import pandas
-    except ModuleNotFoundError as error:
-        if error.name != "pandas":
-            raise
-        raise BagError("a frame needs the Python module pandas: pip install pandas") from error
+    pandas = import_extra("pandas", "a frame", "pandas")
     index = index or table.columns[0].name
     if index not in columns:
         raise BagError(f"index = {index!r:.80} is no column; {did_you_mean(index, columns)}")

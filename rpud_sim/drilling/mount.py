@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, drift, shift
@@ -26,6 +27,7 @@ FEED_MODES = (RATE, POSITION)
 FEED_MODE = Choice("motion of the feed", FEED_MODES)
 FEED_RATE = Quantity("m/s", "rate of the feed toward the rock", -1.0, 1.0)
 FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0, 1.0)
+Limits = Mapping[str, Quantity]  # of position and rate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,11 +42,18 @@ class Feed:
         quantity = FEED_RATE if self.mode == RATE else FEED_POSITION
         object.__setattr__(self, "value", quantity.check(f"feed {self.mode}", self.value))
 
-    def reduced(self, share: float) -> Feed:
+    def check(self, limits: Limits) -> None:
+        limits[self.mode].check(f"feed {self.mode}", self.value)
+
+    def wanted(self, feed: float, time: int, interval: float) -> float:
+        """Place at a time [ns], after an interval [s] that began at the place ``feed`` [m]."""
+        return feed + self.value * interval if self.mode == RATE else self.value
+
+    def left(self, share: float, place: float) -> Feed:
         """What is left of it while a share of the commands acts: a position is given up."""
         if share == 1.0:
             return self
-        return Feed(RATE, self.value * share if self.mode == RATE else 0.0)
+        return Feed(RATE, self.value * share) if share and self.mode == RATE else STOPPED
 
 
 STOPPED = Feed(RATE, 0.0)
@@ -71,9 +80,22 @@ class MountMotion:
         sampled = now if self.sampled is None else self.sampled
         return dataclasses.replace(self, sampled=sampled if self.velocity else 0)
 
-    def place(self, time: int) -> float:
-        """Place of the mount at a time [ns], where the motion acts [m]."""
+    def check(self, limits: Limits) -> None:
+        limits[POSITION].check("mount position", self.position)
+        limits[RATE].check("mount velocity", self.velocity)
+
+    def wanted(self, feed: float, time: int, interval: float) -> float:
+        """Place at a time [ns], where the motion acts [m]."""
         return self.position + self.velocity * ((time - (self.sampled or 0)) / SECOND)
+
+    def left(self, share: float, place: float) -> MountMotion:
+        """What is left of it while a share of the commands acts, from its present place [m] on."""
+        return self if share == 1.0 else MountMotion(place, self.velocity * share)
+
+
+# A giver of the mount's motion says where the mount is to be, and what is left when it is lost.
+Motion = Feed | MountMotion
+_GIVERS = {"none": None, "arm": Feed, "given": MountMotion}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +107,7 @@ class MountParameters(ParameterGroup):
 
     feed_model: str = choice(
         "none",
-        ("none", "arm", "given"),
+        tuple(_GIVERS),
         "none: the weight on bit is commanded; arm: a feed on an arm is commanded, and the weight "
         "on bit follows; given: the motion of the mount is commanded, as another simulator has it",
     )
@@ -129,20 +151,21 @@ class MountParameters(ParameterGroup):
             )
 
     @property
-    def is_given(self) -> bool:
-        """Whether the motion of the mount is commanded."""
-        return self.feed_model == "given"
+    def giver(self) -> type[Motion] | None:
+        """Class of the commands that give the motion of the mount; None if it rests."""
+        return _GIVERS[self.feed_model]
 
-    def check(self, motion: Feed | MountMotion) -> None:
-        limits = {
+    @property
+    def rest(self) -> Motion:
+        """Motion until the first command."""
+        return MountMotion(self.initial_feed, sampled=0) if self.giver is MountMotion else STOPPED
+
+    @property
+    def limits(self) -> Limits:
+        return {
             POSITION: Quantity("m", "", self.feed_minimum, self.feed_maximum),
             RATE: Quantity("m/s", "", -self.feed_rate_limit, self.feed_rate_limit),
         }
-        if isinstance(motion, Feed):
-            limits[motion.mode].check(f"feed {motion.mode}", motion.value)
-        else:
-            limits[POSITION].check("mount position", motion.position)
-            limits[RATE].check("mount velocity", motion.velocity)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -216,10 +239,9 @@ class Mount:
             0.5 * parameters.arm_play,
             parameters.anchoring_force,
         )
-        self.motion: Feed | MountMotion = STOPPED
-        if parameters.is_given:
+        self.motion = parameters.rest
+        if parameters.giver is MountMotion:
             self._arm = _CARRIED
-            self.motion = MountMotion(parameters.initial_feed)
         # The arm has come to rest under the load spring before time zero.
         self.position = self._feed = start = parameters.initial_feed
         self.in_contact = has_rock and start > 0.0
@@ -322,10 +344,7 @@ class Mount:
             return feed
         least, greatest = self._limits
         most = self._parameters.feed_rate_limit * interval
-        if isinstance(motion, MountMotion):
-            wanted = motion.place(time)
-        else:
-            wanted = feed + motion.value * interval if motion.mode == RATE else motion.value
+        wanted = motion.wanted(feed, time, interval)
         wanted = least if wanted < least else greatest if wanted > greatest else wanted
         if wanted < feed - most:
             return feed - most

@@ -16,7 +16,7 @@ from rpud_sim.foundation.quantities import Quantity
 NAMESPACE = "/rpud"  # of a drill without another one
 LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
 
-POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
+POSITIVE_SECONDS = Quantity("s", "a duration", 1e-9, LONGEST)  # times are whole nanoseconds
 SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
 BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
 DOMAIN = Quantity("", "a ROS domain", 0, 232, whole=True)

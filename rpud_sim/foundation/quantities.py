@@ -18,6 +18,7 @@ import math
 import reprlib
 from collections.abc import Iterable, Mapping
 from functools import cache
+from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -107,6 +108,16 @@ def check_names(names: Iterable[Any], known: Iterable[str], what: str = "paramet
             raise ParameterError(f"{shown_name(name)} is not a {what}; {did_you_mean(name, known)}")
 
 
+def as_number(value: Any) -> float:
+    """Return a number of Python or NumPy as a float; NaN for anything else, also a truth value."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
 @dataclasses.dataclass(frozen=True)
 class Quantity:
     """Number with its unit, meaning and allowed range."""
@@ -131,17 +142,13 @@ class Quantity:
         # The usual case first: studies check millions of values.
         if type(value) is float and self.minimum < value < self.maximum and not self.whole:
             return value
-        number = math.nan
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            try:
-                number = float(value)
-            except OverflowError:
-                number = math.inf
+        number = as_number(value)
         above = number > self.minimum if self.exclusive else number >= self.minimum
         under = number < self.maximum if self.below else number <= self.maximum
         unit = f" {self.unit}" if self.unit else ""
         if not (math.isfinite(number) and above and under):
-            text = f"{number:g}" if isinstance(value, float) else shown(value)
+            plain = isinstance(value, Real) and not isinstance(value, int)
+            text = f"{number:g}" if plain else shown(value)
             raise ParameterError(f"{name} = {text}{unit} is outside its range {self.range}")
         if not self.whole:
             return number

@@ -74,7 +74,7 @@ _Loader.yaml_implicit_resolvers = {
 _NUMBER_BEGINS = "-+.0123456789"
 for _tag, _pattern, _first in (
     (_BOOL, r"(true|True|TRUE|false|False|FALSE)$", "tTfF"),
-    (_INT, r"[-+]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)$", _NUMBER_BEGINS),
+    (_INT, r"[-+]?(0x[0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)$", _NUMBER_BEGINS),
     (_FLOAT, r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?$", _NUMBER_BEGINS),
     (_FLOAT, r"([-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))$", _NUMBER_BEGINS),
 ):

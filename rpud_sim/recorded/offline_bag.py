@@ -28,6 +28,7 @@ from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
+from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, offered_topics
@@ -48,21 +49,37 @@ def write_offline_bag(
     Its manifest is by default that of this program and machine.
     """
     settings = plan.beginning.settings
-    offered = offered_topics(settings.values())
-    chosen = {n: topic for n, topic in offered.items() if n in topics and not topic.live}
-    end = round(duration * SECOND)
-    plan = Plan(plan.beginning, tuple(change for change in plan.changes if change.time < end))
-    run = Run(plan, Journal(), chosen.__contains__, reports=True)
+    chosen = {n: topic for n, topic in kept_topics(settings.values()).items() if n in topics}
     values = {**settings.values(), "seed": plan.beginning.seed}
     manifest = manifest or new_manifest(values, scenario_text)
     with new_bag(path, f"{NAMESPACE}/", chosen, manifest) as bag:
         writer = BatchWriter(bag, f"{NAMESPACE}/", chosen)
-        run.begin(0)
-        writer.write(run.changes())
-        writer.write(run.reports())
-        writer.write(reported(run, end, report))
-        writer.write(run.flush(ends=True))
-        writer.write(run.reports("stopped"))
+        for batches in run_batches(plan, round(duration * SECOND), chosen, report):
+            writer.write(batches)
+
+
+def kept_topics(parameters: Mapping[str, Any]) -> dict[str, DrillTopic]:
+    """Return the topics of a drill that a bag of a run without ROS has, by name."""
+    return {name: topic for name, topic in offered_topics(parameters).items() if not topic.live}
+
+
+def run_batches(
+    plan: Plan,
+    end: int,
+    topics: Collection[str],
+    report: Callable[[float], object] = lambda seconds: None,
+) -> Iterator[Iterable[Batch]]:
+    """Yield all batches of a run that ends at a time [ns], each part in the order of writing."""
+    # Its stamps are simulation time, whatever those of a run that is written again were.
+    again = [change for change in plan.changes if not isinstance(change.action, SetOrigin)]
+    plan = Plan(plan.beginning, tuple(change for change in again if change.time < end))
+    run = Run(plan, Journal(), topics.__contains__, reports=True)
+    run.begin(0)
+    yield run.changes()
+    yield run.reports()
+    yield reported(run, end, report)
+    yield run.flush(ends=True)
+    yield run.reports("stopped")
 
 
 def reported(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Batch]:

@@ -19,6 +19,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.foundation.options import DOMAIN
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.loopback import complete_environment
 
@@ -54,6 +55,8 @@ def start_ros(
     except RuntimeError as error:  # RCLError
         reason = str(error).partition(", at ")[0]
         raise StartError(f"ROS arguments that cannot be used: {reason}") from error
+    if domain_id is None and (given := os.environ.get("ROS_DOMAIN_ID", "")).isdecimal():
+        DOMAIN.check("ROS_DOMAIN_ID", int(given))  # DDS would print lines of its own
     unwritable = _why_no_log(os.environ)
     try:
         rclpy.init(

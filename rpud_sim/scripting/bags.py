@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
+from pathlib import Path
 
 from rpud_sim.bag import BagReader
 from rpud_sim.recorded.journal import held_journals
@@ -16,6 +17,12 @@ class DrillBag(BagReader):
 
     def __repr__(self) -> str:
         return f"<DrillBag {os.fspath(self.path)}: {len(self.readable_topics)} topics>"
+
+    def __fspath__(self) -> str:
+        return os.fspath(self.path)
+
+    def __reduce__(self) -> tuple[type[DrillBag], tuple[Path]]:
+        return DrillBag, (self.path,)  # a copy opens it again
 
     @cached_property
     def runs(self) -> tuple[DrillRun, ...]:

@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.mount import POSITION, RATE
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of, check_number
+from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import parameter_changes
-from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion, WeightOnBit
+from rpud_sim.simulation.commands import Command, Drive, DriveChange, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.scenario_file import DURATION
 
 _STEP = Quantity("s", "a simulation time", 1e-9, 1e6)
-_SAMPLES_PER_SECOND = 20_000  # of a mean force: a body's swing on the load spring takes longer
-_DURATION = Quantity("s", "a simulation time", 0.0, 1e6, exclusive=True)
+_SAMPLES_PER_SECOND = 10_000  # of a mean force: a body's swing on the load spring takes longer
 
 
 class _KeptJournal(Journal):
@@ -69,7 +69,7 @@ class Drill:
         self._block: Block | None = None  # the latest one
         self._blocks: list[Block] = []  # of the latest step
         self._seen: tuple[int, int] = (-1, 0)
-        self._run = Run(Plan(beginning), self._journal, lambda topic: False, on_block=self._keep)
+        self._run = Run(Plan(beginning), self._journal, ().__contains__, on_block=self._keep)
         self._run.begin(0)
         self._run.watch()
 
@@ -136,43 +136,31 @@ class Drill:
 
     def press(self, force: float) -> None:
         """Command a weight on bit [N]."""
-        self._command(WeightOnBit(check_number("force", force)))
+        self._command(WeightOnBit(force))
 
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
         """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
-        present = self._run.simulation.applied.drive
-        nominal = self._run.settings.configuration.nominal_drive
-        before = present if present.enabled else nominal
-        if not enabled:
-            self._command(Drive(False, 0.0, 0.0))
-            return
-        self._command(
-            Drive(
-                True,
-                before.voltage if voltage is None else check_number("voltage", voltage),
-                before.frequency if frequency is None else check_number("frequency", frequency),
-            )
-        )
+        present = self._run.simulation.applied.drive if enabled else Drive(False, 0.0, 0.0)
+        self._command(DriveChange(enabled, voltage, frequency).on(present))
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
-            self._command(Feed(RATE, check_number("rate", rate)))
-        else:
-            self._command(Feed(POSITION, check_number("position", position)))
+            self._command(Feed(RATE, rate))
+        elif position is not None:
+            self._command(Feed(POSITION, position))
 
     def move(self, position: float, velocity: float = 0.0) -> None:
         """Command the motion of a given mount: place [m] and velocity [m/s], from now on."""
-        place, rate = check_number("position", position), check_number("velocity", velocity)
-        self._command(MountMotion(place, rate))
+        self._command(MountMotion(position, velocity))
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
-        self.set_parameters(regime="drilling" if on else "free")
+        self.set_parameters(regime="drilling" if Flag("").check("engage", on) else "free")
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters that may change during a run, all of them or none."""
@@ -192,8 +180,8 @@ class Drill:
 
         ``channel`` is the topic of a signal fault. The duration is simulation time [s].
         """
-        size = math.nan if magnitude is None else check_number("magnitude", magnitude)
-        length = 0 if duration is None else round(_DURATION.check("duration", duration) * SECOND)
+        size = math.nan if magnitude is None else magnitude
+        length = 0 if duration is None else round(DURATION.check("duration", duration) * SECOND)
         return self._run.simulation.inject(Fault(kind, channel, size), length)
 
     def clear(self, which: int | str = "all") -> list[int]:
@@ -222,10 +210,17 @@ class Drill:
 
 
 def _mean_force(block: Block) -> float:
-    """Return the mean reacting force in a block [N], by samples in the middles of equal parts."""
+    """Return the mean reacting force in a block [N], by samples in the middles of equal parts.
+
+    Velocities jump at impacts: the force of the damping follows from the way, which is exact.
+    """
     length = (block.end - block.start) / SECOND
     count = max(4, math.ceil(length * _SAMPLES_PER_SECOND))
     seconds, rest = divmod(block.start, SECOND)
-    fractions = rest / SECOND + length * (np.arange(count) + 0.5) / count
-    samples = block.sample(Times(np.full(count, seconds), fractions))
-    return float(samples.reacting_force.mean())
+    parts = np.concatenate(([0.0], (np.arange(count) + 0.5) / count, [1.0]))
+    samples = block.sample(Times(np.full(count + 2, seconds), rest / SECOND + length * parts))
+    places = samples.nodal_plane_position
+    way = float(places[-1] - places[0])
+    excess = float(samples.nodal_plane_velocity[1:-1].mean()) - way / length
+    damping = float(block.open_segment["load_spring_damping"][0])
+    return float(samples.reacting_force[1:-1].mean()) + damping * excess

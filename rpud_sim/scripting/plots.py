@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ExpectedError
+from rpud_sim.foundation.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,19 +17,12 @@ Series = tuple[np.ndarray, np.ndarray]  # times [s] and values
 _BODIES = ("actuator_position", "free_mass_position", "drill_tool_displacement")
 
 
-class NoPlotError(ExpectedError, RuntimeError):
-    """matplotlib is missing; the text says how to install it."""
-
-
 def plot_run(
     peaks: Series, force: Series, plane: Series, waveform: Mapping[str, np.ndarray]
 ) -> Figure:
     """Return a figure of peak forces [N], reacting force [N], nodal plane [m] and a waveform."""
-    try:
-        from matplotlib.figure import Figure
-    except ModuleNotFoundError:
-        raise NoPlotError("a plot needs matplotlib: pip install 'rpud_sim[web]'") from None
-    figure = Figure(figsize=(10, 8), layout="constrained")
+    pictures = import_extra("matplotlib.figure", "a plot", "'rpud_sim[web]'")
+    figure: Figure = pictures.Figure(figsize=(10, 8), layout="constrained")
     axes = figure.subplots(4)
     axes[0].plot(*peaks, ".", ms=1.5, rasterized=True)
     axes[0].set_ylabel("peak force [N]")

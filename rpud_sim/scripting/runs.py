@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpud_sim.bag import BagReader, Column, Kind
-from rpud_sim.foundation.options import POSITIVE_SECONDS
+from rpud_sim.foundation.extras import import_extra
+from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of, serialized
-from rpud_sim.recorded.offline_bag import write_offline_bag
+from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Change, SetOrigin
@@ -32,7 +33,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample
 from rpud_sim.simulation.scenario_file import SEED, read_commands, read_scenario, scenario_at
 from rpud_sim.simulation.statistics import FIGURES, Statistics
-from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
+from rpud_sim.simulation.topics import TOPICS
 
 if TYPE_CHECKING:
     import pandas
@@ -89,7 +90,7 @@ def simulate(
     """
     length = POSITIVE_SECONDS.check("duration", duration)
     beginning = beginning_of(parameters, config, seed, faults)
-    planned = read_commands(Path(commands)).changes if commands is not None else ()
+    planned = read_commands(_path("commands", commands)).changes if commands is not None else ()
     end = round(length * SECOND)
     return DrillRun(Plan(beginning, tuple(each for each in planned if each.time < end)), end)
 
@@ -101,7 +102,7 @@ def beginning_of(
     faults: Faults | None,
 ) -> Beginning:
     """Return the beginning of a run; arguments are those of ``simulate``."""
-    values = read_parameter_file(Path(config)) if config is not None else {}
+    values = read_parameter_file(_path("config", config)) if config is not None else {}
     values.update(parameters)
     if seed is not None:
         values["seed"] = SEED.check("seed", seed)
@@ -115,9 +116,17 @@ def beginning_of(
 def _changes(faults: Faults, seed: int | None) -> tuple[Change, ...]:
     if isinstance(faults, os.PathLike) or (isinstance(faults, str) and Path(faults).suffix):
         return read_scenario(os.fspath(faults), seed)
-    entries = [faults] if isinstance(faults, str | Mapping) else list(faults)
-    found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else dict(e) for e in entries]
-    return scenario_at(cursor_at({"faults": found}, "faults", FaultError), seed)
+    entries: Any = [faults] if isinstance(faults, str | Mapping) else faults
+    if isinstance(entries, Iterable):
+        entries = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
+    return scenario_at(cursor_at({"faults": entries}, "faults", FaultError), seed)
+
+
+def _path(name: str, value: Any) -> Path:
+    try:
+        return Path(value)
+    except TypeError:
+        raise ParameterError(f"{name} = {shown(value)} is not the path of a file") from None
 
 
 class DrillRun:
@@ -156,10 +165,10 @@ class DrillRun:
         """Names of the topics that have columns."""
         if self._bag is not None and self._recorded is not None:
             prefix = self._recorded.prefix
-            held = [each.topic.name for each in self._bag.readable_topics if each.message_count]
+            held = [each.topic.name for each in self._bag.readable_topics]
             own = {name.removeprefix(prefix) for name in held if name.startswith(prefix)}
             return tuple(sorted(own & set(TOPICS)))
-        return tuple(sorted({*offered_topics(self.parameters)} & {*PROVED}))
+        return tuple(sorted(kept_topics(self.parameters)))
 
     @cached_property
     def figures(self) -> dict[str, Any]:
@@ -181,9 +190,9 @@ class DrillRun:
 
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""
+        if topic not in self.topics:
+            raise KeyError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
         if topic not in self._columns:
-            if topic not in self.topics:
-                raise KeyError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
             self._columns[topic] = self._read(topic) if self._bag else self._compute(topic)
         return self._columns[topic]
 
@@ -202,8 +211,7 @@ class DrillRun:
 
         ``frame.attrs["units"]`` has the units.
         """
-        import pandas
-
+        pandas = import_extra("pandas", "a frame", "pandas")
         columns = self[topic]
         kept = {n: each for n, each in columns.items() if n not in ("time", "header.stamp")}
         frame = pandas.DataFrame(kept, index=pandas.Index(self.times(topic), name="time"))
@@ -216,9 +224,11 @@ class DrillRun:
         ``start`` and ``duration`` choose a part [s]; a sample of 12 channels takes 96 bytes.
         """
         rate = int(_RATE.check("rate", rate))
-        first = int(np.ceil(start * rate))
-        stop = self.duration if duration is None else min(start + duration, self.duration)
-        count = max(0, int(np.floor(stop * rate)) + 1 - first)
+        begin, end = round(SECONDS.check("start", start) * SECOND), self._end
+        if duration is not None:
+            end = min(begin + round(SECONDS.check("duration", duration) * SECOND), end)
+        first = -(-begin * rate // SECOND)
+        count = max(0, end * rate // SECOND + 1 - first)
         times = Times.from_grid(first, count, rate)
         samples = sample(self._segments, times) if count else None
         values = {n: np.empty(0) if samples is None else getattr(samples, n) for n in CHANNELS}
@@ -251,7 +261,11 @@ class DrillRun:
             for name, value in self.figures.items()
             if name in units and value is not None
         )
-        return f"{escape(repr(self))}<table>{rows}</table>{_picture(self.plot())}"
+        try:
+            picture = _picture(self.plot())
+        except ModuleNotFoundError as error:
+            picture = escape(str(error))
+        return f"{escape(repr(self))}<table>{rows}</table>{picture}"
 
     def _run(self, wanted: Sequence[str], **options: Any) -> Run:
         compile_kernels(self.plan.beginning.settings.configuration)
@@ -261,8 +275,8 @@ class DrillRun:
         return run
 
     def _compute(self, topic: str) -> Columns:
-        run = self._run((topic,))
-        batches = [serialized(each) for each in run.advance_to(self._end) if each.topic == topic]
+        computed = run_batches(self.plan, self._end, (topic,))
+        batches = [serialized(each) for part in computed for each in part if each.topic == topic]
         names = drill_table(TOPICS[topic].type).columns
         return _own_columns(rows_of(topic, batches).columns, names)
 
@@ -303,11 +317,3 @@ def _picture(figure: Figure) -> str:
     data = BytesIO()
     figure.savefig(data, format="png", dpi=70)
     return f'<img src="data:image/png;base64,{b64encode(data.getvalue()).decode()}">'
-
-
-def check_number(name: str, value: Any) -> float:
-    """Return a number, or raise a ParameterError."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ParameterError(f"{name} = {shown(value)} is not a number") from None

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
-from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.drilling.mount import Feed as Feed
+from rpud_sim.drilling.mount import Motion as Motion
 from rpud_sim.drilling.mount import MountMotion as MountMotion
 from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.model.parameters import QUANTITIES
@@ -68,14 +69,17 @@ class DriveChange:
 
 
 Command = WeightOnBit | Drive | Feed | MountMotion
-COMMAND_NAMES = {  # as in ``Applied``
+COMMAND_NAMES: Mapping[type, str] = {  # of topics, and kinds of entries in the journal
     WeightOnBit: "weight_on_bit",
     Drive: "drive",
     Feed: "feed",
     MountMotion: "mount",
 }
 
-_RESTING = MountMotion(0.0, sampled=0)
+
+def slot(command: Command) -> str:
+    """Return the field of ``Applied`` that a command takes."""
+    return "motion" if isinstance(command, Motion) else COMMAND_NAMES[type(command)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +93,5 @@ class Applied:
     weight_on_bit_time: int
     drive: Drive
     drive_time: int
-    feed: Feed = STOPPED
-    feed_time: int = 0
-    mount: MountMotion = _RESTING
-    mount_time: int = 0
+    motion: Motion | None = None  # of the mount; None without a feed
+    motion_time: int = 0

@@ -34,7 +34,7 @@ from rpud_sim.foundation.schema import read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion
+from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, Feed, Motion
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 _FRAME_PREFIX = re.compile(r"([A-Za-z][\w/-]*)?", re.ASCII)
@@ -113,7 +113,7 @@ class Configuration(ParameterGroup):
     @property
     def has_feed(self) -> bool:
         """Whether a feed or the mount's motion is commanded, and the weight on bit follows."""
-        return self.mount.feed_model != "none"
+        return self.mount.giver is not None
 
     def check(self, command: Command) -> None:
         """Check that the drill can take a command; of a drive, one that leaves nothing open.
@@ -129,17 +129,16 @@ class Configuration(ParameterGroup):
                     f"vibration_amplitude at drive voltage {command.voltage:g} V",
                     self.parameters.vibration_amplitude * ratio,
                 )
-        elif isinstance(command, Feed | MountMotion):
-            given, model = isinstance(command, MountMotion), self.mount.feed_model
-            if model != ("given" if given else "arm"):
-                what = "the motion of the mount" if given else "a feed"
-                raise ParameterError(f"{what} cannot be commanded with feed_model = {model}")
-            self.mount.check(command)
-        elif self.has_feed:
-            raise ParameterError(
-                f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
-                f"it follows from the {'mount' if self.mount.is_given else 'feed'}"
-            )
+            return
+        giver, model = self.mount.giver, f"with feed_model = {self.mount.feed_model}"
+        if isinstance(command, Motion):
+            if not (giver and isinstance(command, giver)):
+                what = "a feed" if isinstance(command, Feed) else "the motion of the mount"
+                raise ParameterError(f"{what} cannot be commanded {model}")
+            command.check(self.mount.limits)
+        elif giver:
+            follows = f"it follows from the {COMMAND_NAMES[giver]}"
+            raise ParameterError(f"weight_on_bit cannot be commanded {model}: {follows}")
 
 
 def whole_configuration(drill: Configuration | Parameters) -> Configuration:
@@ -333,9 +332,13 @@ class ParameterFile:
 
     def __init__(self, path: str | Path, node: str) -> None:
         whole = open_yaml(path)
+        if whole.value is None:  # an empty file is one for no node, as for ROS
+            whole = dataclasses.replace(whole, value={})
         sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
         for name, parameters in _sections(whole):
             sections.setdefault(name, []).append(parameters)
+            for each in parameters.mapping().values():
+                _check_types(each)
         self.values: dict[str, Any] = {}
         self.of_ros: list[str] = []  # names of given parameters that ROS itself declares
         self.foreign: list[str] = []  # names of those of other nodes
@@ -398,6 +401,16 @@ def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
             yield name, each
         else:
             yield from _sections(each, f"{name}/{key}" if name else str(key))
+
+
+def _check_types(cursor: Cursor) -> None:
+    """Refuse what ROS refuses, for every node: a list of values of several types."""
+    value = cursor.value
+    if isinstance(value, list) and len({str if v is None else type(v) for v in value}) > 1:
+        raise cursor.wrong("has values of several types")
+    if isinstance(value, Mapping):
+        for each in cursor.mapping().values():
+            _check_types(each)
 
 
 def _is_of(section: str, node: str) -> bool:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.simulation.commands import (
-    COMMAND_NAMES,
     Command,
     Drive,
-    Feed,
     MountMotion,
     WeightOnBit,
+    slot,
 )
 from rpud_sim.simulation.simulation import Simulation
 
@@ -22,7 +20,8 @@ class Control:
     """Commands of a drill, put into force in full, in part when they are lost, or not at all.
 
     When no command arrived for the timeout [s], 0 for never, the share that acts falls linearly
-    from 1 to 0 within the ramp [s], and stays there until the next one.
+    from 1 to 0 within the ramp [s], and stays there until the next one. Where another simulator
+    carries the mount, its samples count, and no other command.
     """
 
     def __init__(
@@ -75,34 +74,27 @@ class Control:
         elif isinstance(command, MountMotion):
             command = command.acting(self.simulation.time)
         self.simulation.apply(command)
-        self._last = self.simulation.time
-        given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
+        if isinstance(command, MountMotion) or not isinstance(self._given.motion, MountMotion):
+            self._last = self.simulation.time  # a carried mount is lost with its samples alone
+        given: dict[str, Any] = {slot(command): command}
         self._given = dataclasses.replace(self._given, **given)
 
     def act(self) -> bool:
         """Put the present share into force; return whether commands were lost or came back."""
         simulation, given = self.simulation, self._given
+        mount = simulation.process.mount
         overdue = simulation.time - self._last - self._timeout if self._timeout else 0
         share = float(self.active)
         if self.active and overdue > 0:
             share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
-        if simulation.configuration.has_feed:
-            simulation.apply(self._motion(share))
+        if given.motion and mount:
+            simulation.apply(given.motion.left(share, mount.position))
         else:
             simulation.apply(WeightOnBit(given.weight_on_bit.force * share))
         if share and given.drive.enabled:
             simulation.apply(Drive(True, given.drive.voltage * share, given.drive.frequency))
         elif simulation.applied.drive.enabled:
-            simulation.apply(Drive(False, 0.0, 0.0))
+            simulation.apply(dataclasses.replace(given.drive, enabled=False))
         before = self.commands_lost
         self.commands_lost = self.active and overdue > 0
         return self.commands_lost is not before
-
-    def _motion(self, share: float) -> Feed | MountMotion:
-        """Return what is left of the commanded motion; of less than all, from the present place."""
-        simulation, given = self.simulation, self._given
-        if not simulation.configuration.mount.is_given:
-            return given.feed.reduced(share) if share else STOPPED
-        if share == 1.0 or (mount := simulation.process.mount) is None:
-            return given.mount
-        return MountMotion(mount.position, given.mount.velocity * share)

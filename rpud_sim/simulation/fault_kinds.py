@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.inputs import Disturbances
+from rpud_sim.drilling.mount import MountMotion
 from rpud_sim.foundation.quantities import Quantity, quantity_in
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
@@ -123,8 +124,9 @@ def _feed(magnitude: float, drill: Configuration) -> str:
 
 
 def _arm(magnitude: float, drill: Configuration) -> str:
-    given = "needs feed_model = arm, which is given: move the mount" if drill.mount.is_given else ""
-    return _feed(magnitude, drill) or given
+    if drill.mount.giver is MountMotion:
+        return "needs feed_model = arm, which is given: move the mount"
+    return _feed(magnitude, drill)
 
 
 def _hole(magnitude: float, drill: Configuration) -> str:

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.drilling.mount import FEED_MODES
+from rpud_sim.drilling.mount import FEED_MODES, Feed, MountMotion
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
@@ -278,9 +278,10 @@ class CommandCounts:
 
 def status_fields(simulation: Simulation, origin: int, state: str, counts: CommandCounts) -> Fields:
     """Fields of ``rpud_msgs/Status`` that simulation and counts give."""
-    applied, mount = simulation.applied, simulation.configuration.mount
-    actuator = simulation.actuator
-    feed = applied.feed if mount.feed_model == "arm" else None
+    applied, actuator = simulation.applied, simulation.actuator
+    motion, since = applied.motion, applied.motion_time
+    feed = motion if isinstance(motion, Feed) else None
+    mount = motion if isinstance(motion, MountMotion) else None
     return {
         "header": header_fields("status", origin + simulation.time),
         "state": state,
@@ -295,10 +296,10 @@ def status_fields(simulation: Simulation, origin: int, state: str, counts: Comma
             f"feed_{mode}": feed.value if feed and feed.mode == mode else math.nan
             for mode in FEED_MODES
         },
-        "feed_applied": time_fields(origin + applied.feed_time),
-        "mount_position": applied.mount.position if mount.is_given else math.nan,
-        "mount_velocity": applied.mount.velocity if mount.is_given else math.nan,
-        "mount_applied": time_fields(origin + applied.mount_time),
+        "feed_applied": time_fields(origin + (since if feed else 0)),
+        "mount_position": mount.position if mount else math.nan,
+        "mount_velocity": mount.velocity if mount else math.nan,
+        "mount_applied": time_fields(origin + (since if mount else 0)),
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,

@@ -19,14 +19,14 @@ from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.changes import Change, Clear, Inject, Schedule, journal_form
 from rpud_sim.simulation.commands import (
-    COMMAND_NAMES,
     Applied,
     Command,
     Drive,
     DriveChange,
-    Feed,
+    Motion,
     MountMotion,
     WeightOnBit,
+    slot,
 )
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.energy_account import FeedAccount
@@ -72,8 +72,8 @@ class Simulation:
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
         # commands in force, read-only
-        rest = MountMotion(configuration.mount.initial_feed).acting(0)
-        self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0, mount=rest)
+        rest = configuration.mount.rest if configuration.has_feed else None
+        self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0, rest)
         self._plant = Plant(configuration, initial_phase, drive, buffers)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
@@ -216,12 +216,12 @@ class Simulation:
             command = command.acting(self.time)
         acting = command.after(before.drive) if isinstance(command, Drive) else command
         self.configuration.check(acting)
-        kind = COMMAND_NAMES[type(acting)]
+        kind = slot(acting)
         if acting == getattr(before, kind):
             return  # a controller may repeat it 100 times a second
         if isinstance(acting, WeightOnBit):
             self._plant.weight_on_bit = acting.force
-        elif isinstance(acting, Feed | MountMotion):
+        elif isinstance(acting, Motion):
             if (mount := self._plant.process.mount) is not None:
                 mount.motion = acting
         else:

@@ -56,7 +56,7 @@ def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
         ),
         (
             ["run", "--duration", "-1"],
-            "rpud run: --duration = -1 s is outside its range (0, 1e+09]",
+            "rpud run: --duration = -1 s is outside its range [1e-09, 1e+09]",
         ),
         (["sweep", "a.yaml"], "rpud sweep: the following arguments are required: --out; see rpud "),
         (["sweep", "a.yaml", "--out", "o"], "rpud sweep: a.yaml: No such file or directory"),

@@ -49,7 +49,7 @@ TAKEN = "exists already; nothing is overwritten"
     ("call", "code", "reason"),
     [
         (f"{EXPORT} --start nan", 2, "--start = nan s is outside its range [0, 1e+09] s"),
-        (f"{EXPORT} --duration 0", 2, "--duration = 0 s is outside its range (0, 1e+09] s"),
+        (f"{EXPORT} --duration 0", 2, "--duration = 0 s is outside its range [1e-09, 1e+09] s"),
         (f"{EXPORT} --format xls", 2, "argument --format: invalid choice: 'xls'"),
         (f"{EXPORT} --start 1", 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
         (f"{EXPORT} --topics /rpud/tlak", 1, "talk holds no topic '/rpud/tlak'; it holds /rpud/ch"),

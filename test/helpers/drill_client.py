@@ -37,10 +37,12 @@ CLEANUP = Transition.TRANSITION_CLEANUP
 UNANSWERED = 50.0  # seconds after which a request is repeated
 
 
-def start_drill(namespace, **parameters):
-    """Start a drill with parameters of ROS."""
+def start_drill(namespace, node="drill_node", **parameters):
+    """Start a drill with a name of its node and parameters of ROS."""
     words = [word for item in parameters.items() for word in ("-p", "{}:={}".format(*item))]
-    return Process("drill_node", "--ros-args", "-r", f"__ns:={namespace}", *words)
+    return Process(
+        "drill_node", "--ros-args", "-r", f"__ns:={namespace}", "-r", f"__node:={node}", *words
+    )
 
 
 class Client:

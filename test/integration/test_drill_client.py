@@ -1,5 +1,6 @@
 """The client of a running drill, against a drill in another process."""
 
+import numpy as np
 import pytest
 from drill_client import stamps
 from rpud_msgs.msg import JournalEntry, Result, WeightOnBit
@@ -14,7 +15,7 @@ PAUSED = {"start_paused": True, "publish_clock": True}
 
 @pytest.fixture(scope="module")
 def process(start_module_drill):
-    return start_module_drill("/bench", **PAUSED)
+    return start_module_drill("/bench", node="left_drill", **PAUSED)
 
 
 @pytest.fixture
@@ -59,6 +60,32 @@ def test_a_refused_command_raises_the_reason_of_the_drill(drill):
         drill.drive(True, voltage=float("nan"))
     assert drill.status.commands_rejected == 2
     assert drill.status.commands_accepted == 0
+
+
+@pytest.mark.parametrize(
+    ("act", "text"),
+    [
+        (lambda drill: drill.press("20"), "force = '20' is not a number"),
+        (lambda drill: drill.press(True), "force = True is not a number"),
+        (lambda drill: drill.drive("off"), "drive enabled = 'off' is not true or false"),
+        (lambda drill: drill.engage("no"), "engage = 'no' is not true or false"),
+        (lambda drill: drill.set_parameters(gravity=1j), "gravity = 1j is of no type of ROS"),
+        (lambda drill: drill.inject("lost_preload", duration=0), "duration = 0 s is outside"),
+        (lambda drill: drill.inject("lost_preload", duration=1e-12), "duration = 1e-12 s is out"),
+    ],
+)
+def test_an_argument_of_another_type_is_not_sent(drill, act, text):
+    with pytest.raises(ParameterError, match=text):
+        act(drill)
+    assert (drill.status.commands_rejected, drill.status.active_faults) == (0, 0)
+
+
+def test_numbers_of_numpy_are_sent_and_the_node_may_have_another_name(drill):
+    drill.press(np.int64(20))
+    drill.set_parameters(gravity=np.float32(1.5), command_loss_ramp=np.int64(2))
+    assert drill.status.weight_on_bit == 20.0
+    assert drill.publishers == ["/bench/left_drill"]
+    assert drill.journal(0)[-1].kind == JournalEntry.KIND_CONFIGURE
 
 
 def test_the_refusal_of_another_publisher_is_not_taken_for_its_own(drill):

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.bag import BagWriter
-from rpud_sim.ros.process import StopRequest
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.process import StopRequest, start_ros
 
 SECURITY = {"ROS_SECURITY_ENABLE": "true"}
 
@@ -81,6 +82,14 @@ def test_security_that_the_wheels_lack_is_refused_in_one_line(process, bag, name
         "use an installed ROS, or unset ROS_SECURITY_ENABLE"
     )
     assert not (bag.parent / "new").exists()
+
+
+def test_a_domain_that_cannot_be_is_refused_in_one_line(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "300")
+    with pytest.raises(
+        ParameterError, match=r"^ROS_DOMAIN_ID = 300 is outside its range \[0, 232\]$"
+    ):
+        start_ros()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

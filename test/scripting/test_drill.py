@@ -51,6 +51,7 @@ def test_its_run_has_the_bits_of_its_steps(tmp_path):
     assert rpud_sim.verify(tmp_path / "bag").proved
     with rpud_sim.open(tmp_path / "bag") as bag:
         assert bag.runs[0]["reacting_force"]["force"].tolist() == forces[1::2]
+        assert bag.runs[0]["journal"]["kind"].tolist().count("origin") == 1
 
 
 def test_a_reset_begins_again_with_the_same_or_another_seed():
@@ -77,15 +78,63 @@ def test_lost_commands_make_it_safe():
     assert drill.status.weight_on_bit == 9.0
 
 
+def test_the_force_on_a_mount_that_moves_has_the_momentum_of_all_samples():
+    drill = rpud_sim.Drill(feed_model="given", feed_rate_limit=1.0, initial_feed=2e-3)
+    forces, place, random = [], 2e-3, np.random.default_rng(1)
+    for _ in range(10):
+        rate = random.uniform(-0.05, 0.05)
+        for _ in range(20):
+            place += 1e-3 * rate
+            drill.move(place, rate)
+            drill.step(1e-3)
+            forces.append(drill.reacting_force)
+    samples = drill.run.waveform(2_000_000)["reacting_force"][1:].reshape(200, 2000)
+    assert forces == pytest.approx(samples.mean(axis=1), abs=0.01)
+
+
+def test_a_drive_that_is_switched_on_again_has_its_last_commanded_voltage():
+    drill = rpud_sim.Drill(command_timeout=0.05, command_loss_ramp=0.05)
+    drill.drive(voltage=120)
+    drill.drive(False)
+    drill.drive()
+    assert drill.status.drive_voltage == 120.0
+    drill.step(0.2)
+    assert (drill.status.commands_lost, drill.status.drive_enabled) == (True, False)
+    assert drill.status.drive_voltage == 120.0
+    drill.drive()
+    assert (drill.status.drive_enabled, drill.status.drive_voltage) == (True, 120.0)
+
+
+def test_numbers_of_numpy_are_numbers():
+    drill = rpud_sim.Drill(weight_on_bit=np.int64(9), seed=np.int32(3), gravity=np.float32(1.5))
+    drill.press(np.int64(20))
+    drill.step(np.float32(0.25))
+    drill.set_parameters(gravity=np.int64(3))
+    assert (drill.time, drill.status.weight_on_bit) == (0.25, 20.0)
+    with pytest.raises(
+        rpud_sim.ParameterError, match=r"= 2000 N is outside its range \[0, 1000\] N"
+    ):
+        drill.press(np.int64(2000))
+
+
 @pytest.mark.parametrize(
     ("act", "text"),
     [
         (lambda drill: drill.press(-1), "weight_on_bit = -1 N is outside its range"),
-        (lambda drill: drill.press("hard"), "force = 'hard' is not a number"),
+        (lambda drill: drill.press("hard"), "weight_on_bit = 'hard' N is outside"),
         (lambda drill: drill.feed(rate=0.001), "feed"),
         (lambda drill: drill.feed(), "a rate or a position"),
         (lambda drill: drill.step(0), "step = 0 s is outside"),
         (lambda drill: drill.inject("jam"), "kind = 'jam' is unknown"),
+        (
+            lambda drill: drill.inject("lost_preload", duration=1e-12),
+            "duration = 1e-12 s is outside",
+        ),
+        (lambda drill: drill.press(True), "weight_on_bit = True N is outside"),
+        (lambda drill: drill.press(10**400), "weight_on_bit = .* N is outside"),
+        (lambda drill: drill.drive("off"), "drive enabled = 'off' is not true or false"),
+        (lambda drill: drill.drive(100), "drive enabled = 100 is not true or false"),
+        (lambda drill: drill.engage("no"), "engage = 'no' is not true or false"),
         (lambda drill: drill.clear(3), "no fault 3 is active"),
         (lambda drill: drill.set_parameters(free_mass=1.0), "cannot change during a run"),
     ],

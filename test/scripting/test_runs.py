@@ -1,6 +1,9 @@
 """The listing of the package's first page: simulate, look, save, open."""
 
 import json
+import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,6 @@ import pytest
 
 import rpud_sim
 from rpud_sim.cli.main import main
-from rpud_sim.simulation.topics import PROVED
 
 CONFIG = Path(__file__).parents[2] / "config"
 ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "initial_feed": 0.001}
@@ -66,21 +68,27 @@ def test_a_waveform_has_any_rate_and_meets_the_samples(run):
     assert part["time"][0] == pytest.approx(0.5, abs=1 / 33_333)
     assert len(part["time"]) == 3333
     assert part.units["drill_tool_velocity"] == "m/s"
+    # Times are compared as whole nanoseconds: 1.1 * 10 and 0.29 * 100 round to the wrong side.
+    assert run.waveform(10, start=1.1)["time"][0] == 1.1
+    assert run.waveform(100, duration=0.29)["time"][-1] == 0.29
 
 
 @pytest.mark.parametrize("values", [{}, ARM], ids=["drilling", "arm"])
 def test_a_saved_run_has_the_same_face_and_is_proved(tmp_path, values):
     faults = ["lost_preload", {"kind": "noise", "channel": "wrench", "onset": 0.2}]
-    run = rpud_sim.simulate(1, seed=5, faults=faults, **values)
+    run = rpud_sim.simulate(1.013, seed=5, faults=faults, **values)
     run.save(tmp_path / "bag")
-    assert rpud_sim.verify(tmp_path / "bag").proved
     with rpud_sim.open(tmp_path / "bag") as bag:
+        assert rpud_sim.verify(bag).proved
         [recorded] = bag.runs
-        assert (recorded.duration, recorded.seed) == (1.0, 5)
+        assert (recorded.duration, recorded.seed) == (1.013, 5)
         assert recorded.parameters == run.parameters
         assert str(recorded.figures) == str(run.figures)
-        for topic in set(run.topics) & set(PROVED):
+        assert recorded.topics == run.topics
+        for topic in run.topics:
             assert equal(run[topic], recorded[topic]), topic
+        with pickle.loads(pickle.dumps(bag)) as copy:
+            assert equal(copy.runs[0]["wrench"], run["wrench"])
         assert equal(run.waveform(1000), recorded.waveform(1000))
         frame = bag.frame("/rpud/reacting_force", index="header.stamp")
         assert (frame.index.name, frame.attrs["units"]["force"]) == ("header.stamp", "N")
@@ -111,12 +119,51 @@ def test_objects_show_themselves_in_a_line(run, tmp_path):
         (lambda: rpud_sim.simulate(0), "duration = 0 s is outside"),
         (lambda: rpud_sim.simulate(1, faults="jam"), "kind = 'jam'"),
         (lambda: rpud_sim.simulate(1, seed=-1), "seed = -1 is outside"),
+        (lambda: rpud_sim.simulate(1e-12), "duration = 1e-12 s is outside"),
+        (lambda: rpud_sim.simulate(1, faults=3), "faults = 3 is not a list"),
+        (lambda: rpud_sim.simulate(1, faults=[3]), r"faults\[0\] = 3 is not a mapping"),
+        (lambda: rpud_sim.simulate(1, config=3), "config = 3 is not the path of a file"),
+        (lambda: rpud_sim.simulate(1, commands=[]), r"commands = \[\] is not the path of a file"),
+        (lambda: rpud_sim.simulate(1).waveform(9, start=-1), "start = -1 s is outside"),
+        (lambda: rpud_sim.simulate(1).waveform(9, 0, np.nan), "duration = nan s is outside"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(call, text):
     with pytest.raises(rpud_sim.ParameterError, match=text) as error:
         call()
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("section", ["/**", "drill_node", "/rpud/drill_node", "/*/drill_node"])
+def test_a_parameter_file_is_read_as_by_the_commands(tmp_path, section):
+    path = tmp_path / "robot.yaml"
+    path.write_text(f"{section}: {{ros__parameters: {{seed: 7}}}}")
+    assert rpud_sim.simulate(1, config=path).seed == 7
+
+
+def test_without_extras_all_names_are_there_and_a_call_says_what_to_install(tmp_path):
+    missing = ("matplotlib", "pandas", "scipy")
+    program = f"""
+import sys
+sys.modules |= dict.fromkeys({missing})
+from rpud_sim import *
+run = simulate(1)
+bags = [run.save(name) for name in ("one", "two")]
+assert "needs matplotlib" in run._repr_html_()
+for act in (run.plot, lambda: run.frame("wrench"), lambda: compare(bags)):
+    try:
+        act()
+    except ModuleNotFoundError as error:
+        print(error)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        "a plot needs matplotlib: pip install 'rpud_sim[web]'",
+        "a frame needs pandas: pip install pandas",
+        "a comparison needs scipy: pip install 'rpud_sim[web]'",
+    ]
 
 
 def test_unknown_topics_and_columns_name_the_nearest(run):

@@ -148,7 +148,8 @@ def test_a_section_for_several_nodes_may_have_parameters_of_others(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", ":1: the file is not a mapping"),
+        ("", ":1: nothing is for /rpud/drill_node: the file has no ros__parameters"),
+        ("[]", ":1: the file is not a mapping"),
         ("/**:\n  ros__parameters: 3\n", ":2: ros__parameters = 3 is not a mapping"),
         ("/**:\n  ros__parameters: {gravity: -1}", ":2: gravity = -1 m/s^2 is outside its range"),
         (

@@ -14,6 +14,7 @@ from rpud_sim.simulation import (
     Drive,
     Fault,
     Feed,
+    MountMotion,
     Simulation,
     WeightOnBit,
     preset,
@@ -28,7 +29,7 @@ from rpud_sim.simulation.statistics import account_of
 
 MILLISECOND = 1_000_000
 SECOND = 1000 * MILLISECOND
-ARM = {"feed_model": "arm"}
+ARM, GIVEN = {"feed_model": "arm"}, {"feed_model": "given"}
 RIGID = {**ARM, "arm_stiffness": 0.0, "anchoring_force": 1e3}
 
 
@@ -139,6 +140,15 @@ def test_the_bit_cuts_with_the_force_that_the_impacts_give_the_rock(weight):
         (ARM, WeightOnBit(3.0), "weight_on_bit cannot be commanded with feed_model = arm"),
         (ARM, Feed("rate", 0.1), "feed rate = 0.1 m/s is outside its range"),
         (ARM, Feed("position", 0.9), "feed position = 0.9 m is outside its range"),
+        (
+            ARM,
+            MountMotion(0.0),
+            "the motion of the mount cannot be commanded with feed_model = arm",
+        ),
+        (GIVEN, Feed("rate", 1e-3), "a feed cannot be commanded with feed_model = given"),
+        (GIVEN, WeightOnBit(3.0), "weight_on_bit cannot be commanded with feed_model = given: it"),
+        (GIVEN, MountMotion(0.9), "mount position = 0.9 m is outside its range [-0.1, 0.3] m"),
+        (GIVEN, MountMotion(0.0, 0.2), "mount velocity = 0.2 m/s is outside its range"),
     ],
 )
 def test_a_command_that_the_drill_cannot_take_is_refused_and_changes_nothing(
@@ -162,14 +172,14 @@ def test_lost_commands_stop_the_feed_and_an_inactive_drill_has_none(command):
         simulation.advance_to(time * MILLISECOND)
         control.act()
     assert control.commands_lost
-    assert simulation.applied.feed == Feed("rate", 0.0)
+    assert simulation.applied.motion == Feed("rate", 0.0)
     assert simulation.process.mount.rate == pytest.approx(0.0, abs=1e-9)
     control.apply(command)
     control.act()
-    assert simulation.applied.feed == command
+    assert simulation.applied.motion == command
     control.activate(False)
     control.apply(command)
-    assert simulation.applied.feed == Feed("rate", 0.0)
+    assert simulation.applied.motion == Feed("rate", 0.0)
 
 
 def test_the_status_has_the_feed_in_force():

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import examples, refusal
 
-from rpud_sim.simulation import Feed, MountMotion, Simulation, WeightOnBit, to_configuration
+from rpud_sim.simulation import Drive, MountMotion, Simulation, to_configuration
 from rpud_sim.simulation.changes import action_of, journal_form
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
@@ -81,30 +81,6 @@ def test_all_accounts_close(start, samples):
     assert feed.guide_friction == feed.host_slip == feed.arm_stored == 0.0
 
 
-@pytest.mark.parametrize(
-    ("values", "command", "reason"),
-    [
-        ({}, Feed("rate", 1e-3), "a feed cannot be commanded with feed_model = given"),
-        ({}, WeightOnBit(3.0), "weight_on_bit cannot be commanded with feed_model = given: it"),
-        ({}, MountMotion(0.9), "mount position = 0.9 m is outside its range [-0.1, 0.3] m"),
-        ({"feed_rate_limit": 0.1}, MountMotion(0.0, 0.2), "mount velocity = 0.2 m/s is outside"),
-        (
-            {"feed_model": "arm"},
-            MountMotion(0.0),
-            "the motion of the mount cannot be commanded with feed_model = arm",
-        ),
-    ],
-)
-def test_what_the_drill_cannot_take_is_refused_and_changes_nothing(values, command, reason):
-    simulation = made(**values)
-    control = Control(simulation, 0.0, 0.5)
-    before = simulation.applied
-    for take in (simulation.apply, control.apply):
-        assert refusal(take, command).startswith(reason)
-    control.act()
-    assert simulation.applied == before
-
-
 @pytest.mark.parametrize("values", [(float("nan"), 0.0), (0.0, float("inf")), (2.0, 0.0)])
 def test_a_sample_has_numbers_in_their_range(values):
     assert refusal(MountMotion, *values).startswith("mount ")
@@ -118,7 +94,7 @@ def test_a_mount_whose_samples_are_lost_stops_where_it_is():
         simulation.advance_to(time * MILLISECOND)
         control.act()
     assert control.commands_lost
-    assert simulation.applied.mount.velocity == 0.0
+    assert simulation.applied.motion.velocity == 0.0
     # The velocity falls at each look: 0.11 s of all of it, and 10 ms each of nine tenths to one.
     assert places(simulation, 320, 400) == pytest.approx([1.55e-3, 1.55e-3], abs=1e-9)
     control.apply(MountMotion(2e-3, 0.01))
@@ -126,6 +102,18 @@ def test_a_mount_whose_samples_are_lost_stops_where_it_is():
     assert places(simulation, 401) == pytest.approx([2.01e-3], abs=1e-12)
     control.activate(False)
     assert places(simulation, 402, 500) == pytest.approx([2.01e-3] * 2, abs=1e-12)
+
+
+def test_other_commands_do_not_stand_for_samples():
+    simulation = made()
+    control = Control(simulation, 0.05, 0.0)
+    control.apply(MountMotion(0.0, 0.01))
+    for time in range(10, 201, 10):
+        simulation.advance_to(time * MILLISECOND)
+        control.apply(Drive(True, 90.0, 16e3))
+        control.act()
+    assert control.commands_lost
+    assert places(simulation, 300) == pytest.approx([6e-4], abs=1e-12)  # it made no jump
 
 
 def test_the_journal_has_each_sample_once_and_repeats_it():

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
 
+from rpud_sim.foundation.extras import import_extra
 from rpud_sim.recorded.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
 
 LEVEL = 0.95  # confidence level of all intervals
@@ -46,6 +46,16 @@ def mean_error(values: np.ndarray) -> tuple[float, float]:
     return float(means.std(ddof=1)) / math.sqrt(number), float(number)
 
 
+def _student() -> Any:
+    """Return the module with Student's distribution."""
+    return import_extra("scipy.special", "a comparison", "'rpud_sim[web]'")
+
+
+def _reach(freedom: float) -> float:
+    """Return the half length of an interval, in standard errors."""
+    return float(_student().stdtrit(freedom, 0.5 + 0.5 * LEVEL))
+
+
 class Estimate(NamedTuple):
     """Figure of a run with its interval, in the unit of its quantity; NaN for what is unknown."""
 
@@ -74,7 +84,7 @@ def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estima
         return Estimate(value, number=count)
     error, batches = mean_error(values if figure == MEAN else values <= value)
     floor = max(_ROUNDING * abs(value), resolution)
-    reach = float(stdtrit(max(batches - 1.0, 1.0), 0.5 + 0.5 * LEVEL))  # in standard errors
+    reach = _reach(max(batches - 1.0, 1.0))
     if figure == MEAN:
         error = math.hypot(error, floor)
         return Estimate(value, value - reach * error, value + reach * error, error, batches, count)
@@ -130,7 +140,7 @@ def difference(
         return found._replace(relative=0.0, relative_low=0.0, relative_high=0.0)
     error = math.hypot(reference.error, other.error)
     freedom = _freedom(reference, other)
-    reach = float(stdtrit(freedom, 0.5 + 0.5 * LEVEL))
+    reach = _reach(freedom)
     ratio, ratio_error = _log_ratio(reference, other)
     excess, spread = abs(value), error
     if tolerance > 0.0 and math.isfinite(ratio):
@@ -142,7 +152,9 @@ def difference(
         relative=_ratio_minus_one(ratio),
         relative_low=_ratio_minus_one(ratio - reach * ratio_error),
         relative_high=_ratio_minus_one(ratio + reach * ratio_error),
-        p=min(1.0, 2.0 * float(stdtr(freedom, -excess / spread))) if spread > 0.0 else 1.0,
+        p=min(1.0, 2.0 * float(_student().stdtr(freedom, -excess / spread)))
+        if spread > 0.0
+        else 1.0,
         decision=UNDECIDED,
     )
 

@@ -43,7 +43,7 @@ class RunFigures(NamedTuple):
     estimates: dict[str, Estimate]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Result of ``compare``; the first run is the reference."""
 
@@ -60,6 +60,9 @@ class Comparison:
     differences: tuple[FigureDifference, ...]  # of all windows
     tolerance: float  # accepted relative difference; 0 for none
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {' and '.join(self.names)}: {self.verdict}>"
 
     @property
     def drills(self) -> tuple[RecordedRun, ...]:

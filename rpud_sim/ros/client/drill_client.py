@@ -10,6 +10,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -19,7 +20,15 @@ from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_you_mean, shown
+from rpud_sim.foundation.quantities import (
+    Flag,
+    ParameterError,
+    Quantity,
+    Text,
+    as_number,
+    did_you_mean,
+    shown,
+)
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
@@ -37,6 +46,7 @@ from rpud_sim.ros.client.listening_node import (
 from rpud_sim.ros.client.topics import FastTopics, Sink, TopicListener
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.faults import Fault as CheckedFault
+from rpud_sim.simulation.scenario_file import DURATION as FAULT_DURATION
 from rpud_sim.simulation.topics import TOPICS
 
 # What a reset may restart, by name.
@@ -57,6 +67,7 @@ _TINY = 1e-300  # magnitude with the effect of zero, which in a message means th
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
 _STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
+_ON = Flag("whether something is on")
 _FAULT_KIND = Text("kind of a fault", "a kind of fault")
 _CHANNEL = Text("topic of a faulty signal", "a topic")
 _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
@@ -218,7 +229,7 @@ class DrillClient(ListeningNode):
         status = self.status
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
         message = msg.Drive(
-            enabled=bool(enabled),
+            enabled=_ON.check("drive enabled", enabled),
             voltage=present[0] if voltage is None else _number("voltage", voltage),
             frequency=present[1] if frequency is None else _number("frequency", frequency),
         )
@@ -241,30 +252,24 @@ class DrillClient(ListeningNode):
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
-        self._ask("engage", SetBool.Request(data=bool(on)), repeat=True)
+        self._ask("engage", SetBool.Request(data=_ON.check("engage", on)), repeat=True)
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
         self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill, all of them or none."""
-        nodes = self.until(
-            lambda: list(filter(None, self.publishers)),
-            what="the name of the drill's node was not discovered",
-        )
-        self._set_parameters(nodes[0], values)
+        self._set_parameters(self._drill_node(), values)
 
     def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
-        parameters = [Parameter(name, value=value) for name, value in values.items()]
-        request = SetParametersAtomically.Request(
-            parameters=[parameter.to_parameter_msg() for parameter in parameters]
-        )
+        parameters = [_parameter(*each).to_parameter_msg() for each in values.items()]
+        request = SetParametersAtomically.Request(parameters=parameters)
         name = f"{node}/set_parameters_atomically"
         self._services.add(SetParametersAtomically, name)
         self._ask(name, request, repeat=True)
 
     def journal(self, first: int) -> list[msg.JournalEntry]:
         """Return a page of the drill's journal, from an entry on; none after the last."""
-        name = "drill_node/get_journal"
+        name = f"{self._drill_node()}/get_journal"
         self._services.add(srv.GetJournal, name)
         entries = self._ask(name, srv.GetJournal.Request(first=first), repeat=True).entries
         return list(entries)
@@ -290,7 +295,8 @@ class DrillClient(ListeningNode):
             channel=_CHANNEL.check("channel", channel),
             magnitude=size,
         )
-        lasting = to_time(Duration, "duration", 0.0 if duration is None else duration)
+        length = 0.0 if duration is None else FAULT_DURATION.check("duration", duration)
+        lasting = to_time(Duration, "duration", length)
         request = srv.InjectFault.Request(fault=fault, duration=lasting)
         number = int(self._ask("inject_fault", request).number)
         self.until(
@@ -366,6 +372,14 @@ class DrillClient(ListeningNode):
         self.until(lambda: self.status_number >= number, what="no status showed the reset")
         self.take()
 
+    def _drill_node(self) -> str:
+        """Return the full name of the drill's node, which a remap may have changed."""
+        nodes = self.until(
+            lambda: list(filter(None, self.publishers)),
+            what="the name of the drill's node was not discovered",
+        )
+        return nodes[0]
+
     def _set_state(self, state: int, name: str) -> None:
         request = srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
         self._ask("simulation/set_state", request, repeat=True)
@@ -440,8 +454,15 @@ def _reached(response: Any) -> float:
 # Arguments as fields of messages; the drill itself checks their ranges.
 
 
-def _number(name: str, value: Any) -> float:
+def _parameter(name: str, value: Any) -> Parameter:
     try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ParameterError(f"{name} = {shown(value)} is not a number") from None
+        return Parameter(name, value=value.item() if isinstance(value, np.generic) else value)
+    except TypeError:
+        raise ParameterError(f"{name} = {shown(value)} is of no type of ROS") from None
+
+
+def _number(name: str, value: Any) -> float:
+    number = as_number(value)
+    if math.isnan(number) and not isinstance(value, float):
+        raise ParameterError(f"{name} = {shown(value)} is not a number")
+    return number

@@ -145,6 +145,8 @@ class ManagedNode(LifecycleNode):
         if expected == Parameter.Type.DOUBLE and like_number:
             with suppress(ValueError):
                 given = Parameter(name, value=float(given.value))
+        if name in PARAMETERS and given.type_ == expected:
+            PARAMETERS[name].allowed.check(name, given.value)  # rclpy's error has no unit
         if given.type_ != expected and not descriptor.dynamic_typing:
             types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
             raise ParameterError(f"{name} is of another type: {types}")
@@ -244,24 +246,26 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
     Of the arguments ``words``, parameter files are read as ``--config`` reads them, and ``-p`` goes
     before them. In a file only a mistake is an error: what is there for other nodes is logged.
     """
+    pairs = list(pairwise(words))
+    paths = [each for word, each in pairs if word == "--params-file"]
+    rules = [each.partition(":=") for word, each in pairs if word in ("-p", "--param")]
+    # What a file has for others is no parameter of the drill; what is given by name must be one.
+    known = {*PARAMETERS, *(target.rpartition(":")[2] for target, _, _ in rules)}
     values = {
         name: override.value
         for name, override in node._parameter_overrides.items()
         if not (node.has_parameter(name) or name.startswith(OF_ROS))
+        and (name in known or not paths)
     }
-    pairs = list(pairwise(words))
-    for path in (each for word, each in pairs if word == "--params-file"):
+    for path in paths:
         file = ParameterFile(path, node.get_fully_qualified_name())
         if file.missing:
             node.get_logger().warning(str(file.missing))
         if file.foreign:
             node.get_logger().info(f"{path}: {not_of_the_drill(file.foreign)}")
-        for name in file.foreign:
-            values.pop(name, None)
         values.update(file.values)
     # ROS lets a section of this node in a file go before a value that is given for all nodes.
-    for rule in (each for word, each in pairs if word in ("-p", "--param")):
-        target, _, text = rule.partition(":=")
+    for target, _, text in rules:
         owner, _, name = target.rpartition(":")
         if name in PARAMETERS and owner in ("", node.get_name(), node.get_fully_qualified_name()):
             values.update([parse_assignment(f"{name}={text}")])

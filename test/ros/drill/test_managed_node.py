@@ -1,5 +1,7 @@
 """What a client may ask of a managed node never ends it."""
 
+import math
+
 import pytest
 import rclpy
 from rcl_interfaces.msg import Parameter as ParameterMessage
@@ -69,9 +71,16 @@ KNOWN = parameter(ParameterType.PARAMETER_DOUBLE, double_value=2.0)
         (parameter(4, string_value="much"), "gain is of another type: expected double, given str"),
         (parameter(1, bool_value=True), "gain is of another type: expected double, given bool"),
         (parameter(3, "gian"), "parameter 'gian' is unknown; did you mean gain?"),
+        (
+            parameter(3, "gravity", double_value=math.nan),
+            "gravity = nan m/s^2 is outside its range [0, 100] m/s^2",
+        ),
     ],
 )
-def test_a_refusal_names_the_parameter_and_its_neighbours_are_set(set_parameters, bad, reason):
+def test_a_refusal_names_the_parameter_and_its_neighbours_are_set(
+    node, set_parameters, bad, reason
+):
+    node.declare_parameter("gravity", 9.81)
     [(successful, said), neighbour] = set_parameters(bad, KNOWN)
     assert not successful
     assert said.startswith(reason)

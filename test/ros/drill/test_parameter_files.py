@@ -1,9 +1,11 @@
 """A ROS parameter file means the same to ``--config`` and to a node that is started with it."""
 
 import pytest
+from rclpy.node import Node
 
 from rpud_sim.cli.options import parameter_values
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.yaml_files import parse_yaml
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.simulation.configuration import to_settings
 
@@ -41,6 +43,11 @@ FILES = {
         "/**: {ros__parameters: {gravity: 1.62, max_speed: 3, arm: {joints: [a, b], gain: 1}}}",
         {"gravity": 1.62},
         "arm.gain, arm.joints, max_speed",
+    ),
+    "names that YAML and ROS write in two ways": (
+        "/**: {ros__parameters: {true: 3, foo: [{a: 1}], seed: 1}}",
+        {"seed": 1},
+        "True, foo",
     ),
     "a dump": (
         "/left/drill_node:\n  ros__parameters:\n    gravity: 1.62\n    autostart: false\n"
@@ -85,6 +92,25 @@ FILES = {
         "",
     ),
 }
+
+
+# Scalars that rcl and PyYAML may read differently.
+SCALARS = """
+    1e3 1E1 .5 5. +5 -0 0x10 0o7 010 08 09.5 010.5 1_000 1:30 0b11 .inf -.inf yes! 1e 1e+ 1.e1
+    .e1 1..2 0x 0x1G 00 -010 --8 1,000 +.5 8f 1d3 8#c true TRUE tRue '8' "8" '' 0xFFFFFFFF
+    9223372036854775807 2026:01 1.5e-2 +0x10 ½ . + 'true' a_b
+"""
+
+
+def test_scalars_are_those_of_ros(nodes, tmp_path):
+    path, scalars = tmp_path / "robot.yaml", SCALARS.split()
+    lines = [f"    p{number}: {text}" for number, text in enumerate(scalars)]
+    path.write_text("\n".join(["/**:", "  ros__parameters:", *lines]))
+    words = ["--ros-args", "--params-file", str(path)]
+    nodes.append(Node("reader", cli_args=words))
+    read = [nodes[-1]._parameter_overrides[f"p{n}"].value for n in range(len(scalars))]
+    ours = [parse_yaml(text) for text in scalars]
+    assert [*map(repr, ours)] == [*map(repr, read)]
 
 
 class Options:
@@ -135,6 +161,18 @@ def test_config_says_that_it_leaves_out_what_ros_declares(tmp_path, capfd):
     assert capfd.readouterr().err == line
 
 
+@pytest.mark.parametrize("value", ["[1, a]", "[1.0, 2]", "{gains: [true, 2]}"])
+@pytest.mark.parametrize("section", ["/**", "gripper"])
+def test_a_file_that_ros_refuses_is_refused(nodes, tmp_path, section, value):
+    path = tmp_path / "robot.yaml"
+    own = "drill_node: {ros__parameters: {seed: 1}}"
+    path.write_text(f"{own}\n{section}: {{ros__parameters: {{foo: {value}}}}}")
+    with pytest.raises(RuntimeError, match="Couldn't parse params file"):
+        DrillNode(cli_args=["--ros-args", "--params-file", str(path)])
+    with pytest.raises(ParameterError, match=r":2: .* has values of several types"):
+        parameter_values(Options(path))
+
+
 def test_what_is_given_by_name_goes_before_a_file(nodes, tmp_path):
     path = tmp_path / "robot.yaml"
     path.write_text("/left/drill_node: {ros__parameters: {seed: 1, gravity: 1.62}}")
@@ -143,13 +181,17 @@ def test_what_is_given_by_name_goes_before_a_file(nodes, tmp_path):
     assert nodes[-1].settings == to_settings({"seed": 2, "gravity": 1.62})
 
 
-def test_a_node_starts_with_a_file_for_others_and_says_so(nodes, tmp_path, capfd):
+@pytest.mark.parametrize(
+    ("text", "held"),
+    [("gripper: {ros__parameters: {seed: 2}}", "gripper"), ("# later", "no ros__parameters")],
+)
+def test_a_node_starts_with_a_file_for_others_and_says_so(nodes, tmp_path, capfd, text, held):
     """As every ROS node does; ``--config`` names one file for one drill, and refuses it."""
     path = tmp_path / "robot.yaml"
-    path.write_text("gripper: {ros__parameters: {seed: 2}}")
+    path.write_text(text)
     nodes.append(DrillNode(cli_args=["--ros-args", "--params-file", str(path)]))
     assert nodes[-1].settings == to_settings({})
-    line = f"{path}:1: nothing is for /drill_node: the file has gripper\n"
+    line = f"{path}:1: nothing is for /drill_node: the file has {held}\n"
     assert capfd.readouterr().err.endswith(line)
     with pytest.raises(ParameterError, match="nothing is for /left/drill_node"):
         parameter_values(Options(path))
