@@ -13,8 +13,10 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
+from rpud_sim.bag.definition_text import fields_of, parts_of
 from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
+from rpud_sim.foundation.terminal import in_words
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
@@ -33,16 +35,15 @@ _MEMBER = 500  # a message within a message
 _FIELD = 100
 _BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
 _LEAST_NUMBER = 10  # in sequences and arrays: Parquet adds levels to each
-_LEAST_TEXT = 5  # its length, and the zero at its end
+_LEAST_TEXT = 4  # its length: some writers leave out the zero of an empty one
 
-_SEPARATOR = re.compile(r"^={80}[ \t]*\n\s*MSG:", re.MULTILINE)
-_IDL = re.compile(r"^={80}\s*IDL:", re.MULTILINE)
-_WIDE_TEXT = re.compile(r"^[ \t]*wstring\b", re.MULTILINE)
-# Line of a definition: a comment, or a type with a name and perhaps a value.
-_LINE = re.compile(
-    r"\s*(#.*|[A-Za-z][\w/]*(<=\d+)?(\[(<=)?\d*\])?\s+[A-Za-z]\w*\s*([=\d.'\"\[#+-].*|true.*|false.*)?)?",
-    re.IGNORECASE,
-)
+_WIDE_TEXT = re.compile(r"wstring\b")
+_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,2}", re.ASCII)  # of a type
+# Types of ROS that some tools leave out of a definition, since everybody knows them.
+_KNOWN = {
+    "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec",
+    "builtin_interfaces/msg/Duration": "int32 sec\nuint32 nanosec",
+}
 _ORDERS = {b"\0\0": ">", b"\0\1": "<"}  # of the bytes of numbers, by the beginning of a message
 _XCDR2 = bytes(range(6, 12))  # second byte of a message
 _ZSTD = b"\x28\xb5\x2f\xfd"  # beginning of a compressed frame
@@ -193,19 +194,8 @@ class Codec:
             yield
         except (*DAMAGED, AssertionError, TypesysError) as error:
             raise BagFormatError(
-                f"a {what} of {self.type:.80} cannot be understood: {_reason(error)}"
+                f"a {what} of {self.type:.80} cannot be understood: {in_words(error)}"
             ) from error
-
-
-def _reason(error: BaseException) -> str:
-    """Return in words why a definition or a message cannot be understood."""
-    if isinstance(error, UnicodeDecodeError):
-        return "a text is not UTF-8"
-    if isinstance(error, struct.error | EOFError | IndexError):
-        return "it ends too early"
-    if isinstance(error, RecursionError):
-        return "its types are nested too deep, or contain themselves"
-    return " ".join(f"{error!s:.200}".split()) or type(error).__name__
 
 
 _NO_FIELDS = Shape(1, _FIELD, 1, 0)
@@ -213,7 +203,9 @@ _NO_FIELDS = Shape(1, _FIELD, 1, 0)
 
 def foreign_encoding(data: bytes) -> str:
     """Return in words why the bytes of a message are no plain CDR; empty if they may be."""
-    if data[:2] in _ORDERS and len(data) >= HEAD:
+    if len(data) < HEAD:
+        return f"it has {len(data)} bytes, and is not plain CDR"
+    if data[:2] in _ORDERS:
         return ""
     if data[:4] == _ZSTD:
         return "it is a frame of zstd, not plain CDR: rosbag2 compressed each message"
@@ -272,7 +264,9 @@ class _Cursor:
     def text(self) -> str:
         count = self.length(1, _BYTE)
         start, self.place = self.place, self.place + count
-        if not count or self.content[self.place - 1] != 0:
+        if not count:
+            return ""
+        if self.content[self.place - 1] != 0:
             raise ValueError("a text has no end")
         return self.content[start : self.place - 1].decode()
 
@@ -306,26 +300,18 @@ def _numbers_reader(order: str, code: str, length: _Reader) -> _Reader:
 
 
 @lru_cache(64)
-def _types_in(part: str, type_name: str) -> Typesdict:
-    if _WIDE_TEXT.search(part):
+def _types_in(type_name: str, text: str) -> Typesdict:
+    if not _NAME.fullmatch(type_name):
+        raise ValueError(f"{type_name!r:.80} is no name of a type")
+    lines = [f"{kind} {name}" for kind, name, _ in fields_of(type_name, text)]
+    if any(_WIDE_TEXT.match(line) for line in lines):
         raise ValueError("it has a wstring, which releases of ROS serialize in different ways")
-    if _IDL.search(part):
-        raise ValueError("a part of it is IDL; only ros2msg, the text of a .msg, is read")
-    try:
-        return get_types_from_msg(part, type_name)
-    except TypesysError as error:
-        for number, line in enumerate(part.splitlines(), 1):
-            if not _LINE.fullmatch(line):
-                text = f"line {number} of {type_name:.80} is no field: {line:.80}"
-                raise ValueError(text) from error
-        raise
+    return get_types_from_msg("\n".join(lines), type_name)
 
 
 def _types_of(definition: str, type_name: str) -> Typesdict:
     """Return a type and those that it needs; what definitions share is parsed once."""
-    first, *others = _SEPARATOR.split(definition)
-    types = dict(_types_in(first, type_name))
-    for part in others:
-        name, _, text = part.partition("\n")
-        types.update(_types_in(text, name.strip()))
+    types: Typesdict = {}
+    for name, text in (*_KNOWN.items(), *parts_of(type_name, definition)):
+        types.update(_types_in(name, text))
     return types

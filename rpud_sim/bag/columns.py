@@ -23,6 +23,7 @@ from rpud_sim.bag.cdr import (
     aligned,
     number_dtype,
 )
+from rpud_sim.bag.definition_text import fields_of, parts_of
 from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Members, Node
 from rpud_sim.bag.encoder import Sequence as Several
 from rpud_sim.bag.errors import BagFormatError
@@ -36,8 +37,6 @@ COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 # Columns of every table; a field with such a name gets underscores until it is unique.
 RECEIVED = ("log_time", "publish_time")
 
-_TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
-_FIELD_LINE = re.compile(r"^[ \t]*[^\s#]+[ \t]+(\w+)[^#\n=]*#+[ \t]*(.*?)[ \t]*$", re.MULTILINE)
 _LEAST_TOGETHER = 4  # messages; fewer are decoded faster one by one
 _KNOWN_TEXTS = 1000
 _MOST_TEXTS = 1000  # of a list in messages that are read together
@@ -153,15 +152,10 @@ def to_plain(value: Any) -> Any:
 
 def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
     """Return the comments behind fields, by the long name of their type and their own."""
-    texts = _TYPE_LINE.split(definition)
-    names = [type_name]
-    for name in texts[1::2]:
-        package, _, short = name.rpartition("/")
-        names.append(f"{package.removesuffix('/msg')}/msg/{short}")
     return {
         (name, field): comment
-        for name, text in zip(names, texts[::2], strict=True)
-        for field, comment in _FIELD_LINE.findall(text)
+        for name, text in parts_of(type_name, definition)
+        for _, field, comment in fields_of(name, text)
     }
 
 

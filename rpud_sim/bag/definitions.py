@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rpud_sim.bag.definition_text import PRIMITIVES, TYPE_NAME, long_name
 from rpud_sim.bag.errors import DefinitionNotFoundError
 
 if TYPE_CHECKING:
@@ -20,10 +21,7 @@ if TYPE_CHECKING:
 
 _OWN_PLACE = Path(__file__).with_name("share")
 _SEPARATOR = "=" * 80
-_INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
-_PRIMITIVES = {"bool", "byte", "char", "float32", "float64", "string", "wstring", *_INTEGERS}
 _IDL = ("ros2idl", "omgidl")  # encodings of schemas
-_TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
 _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
 
 
@@ -34,12 +32,13 @@ def definition_of(schema: Schema) -> tuple[str | None, str]:
     """
     if schema.encoding == "ros2msg":
         try:
-            text = schema.data.decode("utf-8-sig")
+            text = schema.data.decode()
         except UnicodeDecodeError as error:
             byte = schema.data[error.start]
             return None, f"the definition of its type is not UTF-8: it has the byte 0x{byte:02x}"
+        text = text.replace("\ufeff", "")  # each file of a definition may begin with one
         return text.replace("\r\n", "\n").replace("\r", "\n"), ""
-    if not schema.encoding:
+    if not schema.encoding or not schema.data.strip():
         return None, "the bag does not hold the definition of its type"
     kind = "IDL" if schema.encoding in _IDL else f"{schema.encoding!r:.40}"
     return None, f"the definition of its type is {kind}; only ros2msg, the text of a .msg, is read"
@@ -47,9 +46,7 @@ def definition_of(schema: Schema) -> tuple[str | None, str]:
 
 def full_name(schema: Schema) -> str:
     """Return the name of a schema's type; ``pkg/Type`` is short for ``pkg/msg/Type`` in ROS."""
-    if schema.encoding in ("ros2msg", *_IDL) and (match := _TYPE_NAME.fullmatch(schema.name)):
-        return f"{match[1]}/msg/{match[2]}"
-    return schema.name
+    return long_name(schema.name) if schema.encoding in ("ros2msg", *_IDL) else schema.name
 
 
 def find_definition(type_name: str) -> str:
@@ -100,7 +97,7 @@ def _places() -> list[Path]:
 
 
 def _split(type_name: str) -> tuple[str, str]:
-    match = _TYPE_NAME.fullmatch(type_name)
+    match = TYPE_NAME.fullmatch(type_name)
     if match is None:
         raise DefinitionNotFoundError(
             f"message type is {type_name!r}; it must be of the form package/msg/Name"
@@ -127,6 +124,6 @@ def _dependencies(text: str, type_name: str) -> Iterator[str]:
     package, _ = _split(type_name)
     for line in text.splitlines():
         match = _FIELD_TYPE.match(line)
-        if match is None or match[1] in _PRIMITIVES:
+        if match is None or match[1] in PRIMITIVES:
             continue
         yield _short_name(match[1] if "/" in match[1] else f"{package}/{match[1]}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from contextlib import suppress
+from filecmp import cmp
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -31,6 +33,7 @@ _OTHERS = {
     b"\x1f\x8b": ("a file that gzip compressed", f"{_UNPACK}tar xzf {{}} or gunzip {{}}"),
     b"BZh": ("a file that bzip2 compressed", f"{_UNPACK}tar xjf {{}} or bunzip2 {{}}"),
     b"\xfd7zXZ\0": ("a file that xz compressed", f"{_UNPACK}tar xJf {{}} or unxz {{}}"),
+    b"version https://git-lfs": ("only a pointer of Git LFS", "fetch the file: git lfs pull"),
     b"\0\5\x16\7": ("a file of macOS beside the real one", "open the file without ._"),
 }
 _TAR = b"ustar", ("a tar archive", f"{_UNPACK}tar xf {{}}")
@@ -43,6 +46,8 @@ class BagFiles(NamedTuple):
     files: tuple[Path, ...]  # in the order of the metadata
     missing: tuple[str, ...] = ()  # files that the metadata lists and nobody has, in words
     warnings: tuple[str, ...] = ()  # what a user should know of the choice
+    gaps: tuple[str, ...] = ()  # files that nobody has, by the numbers of the others, in words
+    unlisted: tuple[Path, ...] = ()  # MCAP files beside them that the metadata does not list
 
 
 def storage_files(path: Path) -> BagFiles:
@@ -50,13 +55,14 @@ def storage_files(path: Path) -> BagFiles:
 
     What is no MCAP is an OtherStorageError that names what makes one of it.
     """
-    if path.name == FILE_NAME and path.is_file():
-        path = path.parent
-    if path.is_file():
-        _check_storage(path)
-        return BagFiles((path,))
-    if not path.is_dir():
-        raise BagNotFoundError(f"there is no bag at {path}")
+    with reading(path):
+        if path.name == FILE_NAME and path.is_file():
+            path = path.parent
+        if path.is_file():
+            _check_storage(path)
+            return BagFiles((path,))
+        if not path.is_dir():
+            raise BagNotFoundError(f"there is no bag at {path}")
     held = mcap_files(path)
     document = path / FILE_NAME
     if not document.is_file():
@@ -66,7 +72,7 @@ def storage_files(path: Path) -> BagFiles:
         for packed in sorted(path.glob("*.mcap.zstd")):
             if packed.with_suffix("") not in held:
                 _check_storage(packed)
-        found = BagFiles(tuple(held))
+        found = _unlisted(path, held)
     else:
         metadata = _metadata(document)
         found = _listed(document, metadata, held)
@@ -80,15 +86,49 @@ def mcap_files(folder: Path) -> list[Path]:
 
     Hidden ones, such as those of macOS beside the real ones, are none.
     """
-
-    def parts(file: Path) -> tuple[str, int, str]:
-        stem = file.stem.rstrip("0123456789")
-        digits = file.stem[len(stem) :]
-        return stem, len(digits), digits
-
     with reading(folder):
         found = [file for file in folder.iterdir() if file.suffix.lower() == ".mcap"]
-    return sorted((file for file in found if not file.name.startswith(".")), key=parts)
+    return sorted((file for file in found if not file.name.startswith(".")), key=_number_of)
+
+
+def _number_of(file: Path) -> tuple[str, int, str]:
+    """Return the name of a file without its number, and the number: its length, its digits."""
+    stem = file.stem.rstrip("0123456789")
+    digits = file.stem[len(stem) :]
+    return stem, len(digits), digits
+
+
+def without_copies(files: Sequence[Path]) -> BagFiles:
+    """Return files without those that have the bytes of one before, of which a warning says it."""
+    kept: list[Path] = []
+    warnings = []
+    for file in files:
+        for other in kept:
+            with reading(file):
+                if file.is_file() and other.is_file() and cmp(file, other, shallow=False):
+                    warnings.append(
+                        f"{file} has the same bytes as {other.name:.200}: it is left out"
+                    )
+                    break
+        else:
+            kept.append(file)
+    return BagFiles(tuple(kept), warnings=tuple(warnings))
+
+
+def _unlisted(folder: Path, held: Sequence[Path]) -> BagFiles:
+    """Return the files of a folder without metadata, and which ones their numbers lack.
+
+    rosbag2 gives them the name of the folder and a number; others may mean anything by theirs.
+    """
+    own = f"{folder.absolute().name}_"
+    numbers = [int(digits) for stem, _, digits in map(_number_of, held) if stem == own and digits]
+    gaps = [
+        f"{own}{before + 1}.mcap{f' and {after - before - 2} more' if after > before + 2 else ''}, "
+        "between the numbers of other files, is missing"
+        for before, after in pairwise(numbers)
+        if after > before + 1
+    ]
+    return without_copies(held)._replace(gaps=tuple(gaps))
 
 
 def _metadata(document: Path) -> ReadMetadata:
@@ -102,11 +142,15 @@ def _metadata(document: Path) -> ReadMetadata:
 def _listed(document: Path, metadata: ReadMetadata, held: Sequence[Path]) -> BagFiles:
     """Return the files that the metadata lists, under other names where these are clear."""
     storage, mode = metadata.storage_identifier, metadata.compression_mode
-    if storage not in ("mcap", ""):
-        raise _to_convert(document, f"storage is {storage!r:.80}")
-    if mode.lower() not in ("", "none"):
-        raise _to_convert(document, f"compression_mode is {mode!r:.80}")
     names = metadata.relative_file_paths
+    if storage not in ("mcap", "") and not held:
+        raise _to_convert(document, f"storage is {storage!r:.80}")
+    if mode.lower() == "file":  # perhaps somebody has unpacked the files
+        names = tuple(name.removesuffix(".zstd") for name in names)
+    if mode.lower() not in ("", "none") and not (
+        mode.lower() == "file" and all(_place(document, name) for name in names)
+    ):
+        raise _to_convert(document, f"compression_mode is {mode!r:.80}")
     places = [_place(document, name) for name in names]
     known = [place for place in places if place is not None]
     if len(set(known)) < len(known):
@@ -122,7 +166,7 @@ def _listed(document: Path, metadata: ReadMetadata, held: Sequence[Path]) -> Bag
             f"{name:.200}, which {FILE_NAME} lists{amount.get(name, '')}, is missing"
             for name in lacking
         ]
-        return BagFiles(tuple(known), tuple(missing))
+        return BagFiles(tuple(known), tuple(missing), unlisted=tuple(others))
     renamed = dict(zip(lacking, others, strict=True))
     files = (place or renamed[name] for name, place in zip(names, places, strict=True))
     warnings = (
@@ -157,7 +201,7 @@ def _explain(folder: Path) -> None:
             _check_storage(other)
         elif other.is_dir() and ((other / FILE_NAME).is_file() or mcap_files(other)):
             inner.append(other)
-    hint = f"; did you mean {inner[0]}?" if len(inner) == 1 else ""
+    hint = f"; did you mean {' or '.join(map(str, inner[:3]))}?" if inner else ""
     raise BagNotFoundError(f"{folder} holds neither {FILE_NAME} nor an MCAP file{hint}")
 
 

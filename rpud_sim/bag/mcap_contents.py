@@ -39,6 +39,7 @@ from rpud_sim.bag.records import (
     split_records,
     uncompressed,
 )
+from rpud_sim.foundation.terminal import in_words
 
 # Greatest summary section [bytes]; that of an hour's recording has less than one MiB.
 SUMMARY_LIMIT = 64 * 2**20
@@ -97,7 +98,7 @@ def contents_of(file: RecordFile, path: Path) -> Contents:
     A file without its end, or with damaged parts, is a BagFormatError.
     """
     if file.content(0, len(MAGIC)) != MAGIC:
-        raise BagFormatError(f"{path} is not an MCAP file")
+        raise BagFormatError(f"{path} is {'not an MCAP file' if file.size else 'empty'}")
     ending = file.size - len(MAGIC)
     if ending < len(MAGIC) or file.content(ending, len(MAGIC)) != MAGIC:
         raise BagFormatError(f"{path} is cut off: it was not closed, or lost its end; {REMEDY}")
@@ -107,7 +108,7 @@ def contents_of(file: RecordFile, path: Path) -> Contents:
     try:
         walked = _walked(file)
     except UNREADABLE as error:
-        text = str(error) or type(error).__name__
+        text = in_words(error)
         raise BagFormatError(text if REMEDY in text else f"{text}; {REMEDY}") from error
     walked.lacks = found.lacks
     return walked

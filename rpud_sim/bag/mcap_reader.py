@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from rpud_sim.bag.batches import LATEST, SerializedBatch
 from rpud_sim.bag.definitions import definition_of, full_name
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.mcap_contents import REMEDY, ChunkPlace, contents_of, loose_places, spans_of
-from rpud_sim.bag.metadata import OFFERED_QOS_KEY, Topic, TopicSummary, load_offered_qos
+from rpud_sim.bag.metadata import OFFERED_QOS_KEY, QosProfile, Topic, TopicSummary, load_offered_qos
 from rpud_sim.bag.records import (
     HEAD,
     MESSAGE,
@@ -31,7 +30,6 @@ from rpud_sim.bag.records import (
 # Channel metadata of messages that split files of earlier releases repeated of the previous one.
 REPEATED_KEY = "rpud_repeated"
 
-_COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
@@ -105,6 +103,7 @@ class McapFile:
         self.message_count = sum(self.counts.values())
         self.start_time = min(contents.times, default=0)
         self.end_time = max(contents.times, default=0)
+        self.unread_offers: dict[str, str] = {}  # why offers are left out, by topic
         self._definitions: dict[int, tuple[str | None, str]] = {}  # by schema
         self._spans: dict[int, dict[int, tuple[int, int]]] = {}  # of chunks without indexes
         # Compressions of the chunks; an empty text for those without.
@@ -142,7 +141,7 @@ class McapFile:
                     name=name,
                     type=full_name(schema),
                     type_hash=channels[0].metadata.get("topic_type_hash", ""),
-                    offered_qos=_offered_qos(channels[0].metadata.get(OFFERED_QOS_KEY, "")),
+                    offered_qos=self._offers(channels),
                     serialization_format=channels[0].message_encoding,
                 ),
                 message_count=sum(self.counts.get(channel.id, 0) for channel in channels),
@@ -191,6 +190,15 @@ class McapFile:
         with reading(self.path):
             yield
 
+    def _offers(self, channels: list[Channel]) -> tuple[QosProfile, ...]:
+        """Return what publishers of a topic offered; of messages this is only a hint."""
+        try:
+            texts = dict.fromkeys(each.metadata.get(OFFERED_QOS_KEY, "") for each in channels)
+            return tuple(offer for text in texts for offer in _offered_qos(text))
+        except BagFormatError as error:
+            self.unread_offers[channels[0].topic] = str(error)
+            return ()
+
     def _definition(self, schema: Schema) -> tuple[str | None, str]:
         if schema.id not in self._definitions:
             self._definitions[schema.id] = definition_of(schema)
@@ -198,8 +206,7 @@ class McapFile:
 
     def _kind(self, channel: Channel) -> tuple[str, str, str]:
         schema = self.schemas.get(channel.schema_id, _NO_SCHEMA)
-        text = self._definition(schema)[0] or ""
-        return channel.message_encoding, full_name(schema), _without_comments(text)
+        return channel.message_encoding, full_name(schema), self._definition(schema)[0] or ""
 
     @cached_property
     def _chunks_of(self) -> dict[int, list[ChunkPlace]]:
@@ -256,11 +263,6 @@ class McapFile:
 
 # Thousands of channels share a few texts.
 _offered_qos = lru_cache(maxsize=1024)(load_offered_qos)
-
-
-@lru_cache(maxsize=1024)
-def _without_comments(definition: str) -> str:
-    return " ".join(_COMMENT.sub("", definition).split())
 
 
 def _batches_in(

@@ -21,8 +21,10 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from rpud_sim.bag.definition_text import structure_of
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
 
 FILE_NAME = "metadata.yaml"
@@ -93,6 +95,8 @@ class QosProfile:
 
 
 def _profile(item: Mapping[str, Any]) -> QosProfile:
+    """Return the profile of a YAML mapping; what it lacks is as by default."""
+    item = {**QosProfile().to_mapping(), **item}
     values: dict[str, Any] = {}
     for name, words in _POLICIES.items():
         word = item[name]
@@ -138,7 +142,7 @@ class Losses:
 class TopicSummary:
     """Content of a bag, or of one file, for one topic."""
 
-    # name, type and offered quality of service; of the first channel if several differ
+    # name, type and encoding of the first channel, and what all publishers offered
     topic: Topic
     message_count: int  # messages of the topic
     # log time of the first message [ns]; None without messages or without an index
@@ -146,7 +150,7 @@ class TopicSummary:
     last_time: int | None  # log time of the last message [ns]; None as for ``first_time``
     definition: str | None  # ``ros2msg`` text of the type; None if the file has no such text
     losses: Losses | None = None  # messages that the recorder lost; None if they were not counted
-    # encoding, type and definition without comments, of all channels
+    # encoding, type and definition of all channels
     kinds: frozenset[tuple[str, str, str]] = frozenset()
     undefined: str = ""  # reason why there is no definition; empty if there is one
 
@@ -165,6 +169,18 @@ class TopicSummary:
             losses=losses,
             kinds=frozenset().union(*(part.kinds for part in parts)),
         )
+
+    @property
+    def one_type(self) -> bool:
+        """Whether all its messages have one type; definitions may differ in form."""
+        if len(self.kinds) < 2:
+            return True
+        return len({(coding, *structure_of(*kind)) for coding, *kind in self.kinds}) == 1
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Names of the types of its messages; a bag may have several on one topic."""
+        return tuple(sorted({name for _, name, _ in self.kinds}))
 
     @property
     def rate(self) -> float | None:
@@ -253,9 +269,12 @@ def metadata_from_document(text: str) -> ReadMetadata:
         raise BagFormatError(f"{FILE_NAME} has no {_OUTER_KEY}")
     value = document[_OUTER_KEY]
     with parsing("the rosbag2 metadata"):
+        names = value.get("relative_file_paths") or []
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"relative_file_paths is {names!r:.80}, and must be a list of names")
         return ReadMetadata(
-            storage_identifier=str(value["storage_identifier"]),
-            relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
+            storage_identifier=str(value.get("storage_identifier") or ""),
+            relative_file_paths=tuple(names),
             compression_mode=str(value.get("compression_mode") or ""),
             message_counts={
                 str(each["path"]): int(each["message_count"]) for each in value.get("files") or ()
@@ -306,8 +325,7 @@ def _load(text: str) -> Any:
         _check_size(text)
         return yaml.load(text, Loader=_LOADER)
     except (yaml.YAMLError, *MALFORMED) as error:  # the latter of `!!timestamp 1`, for example
-        line = " ".join(str(error).split())
-        raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error
+        raise BagFormatError(f"the rosbag2 metadata is not YAML: {in_words(error)}") from error
 
 
 def _check_size(text: str) -> None:

@@ -54,7 +54,10 @@ class BagReader:
         except BaseException:
             self.close()
             raise
-        for text in (*found.warnings, *(file.warning for file in self._files if file.warning)):
+        unread = "is not read, for metadata.yaml does not list it; rpud recover reads it"
+        said = [*found.warnings, *(f"{self.path}: {gap}" for gap in found.gaps)]
+        said += [f"{file} {unread}" for file in found.unlisted]
+        for text in (*said, *(file.warning for file in self._files if file.warning)):
             warnings.warn(BagWarning(text), stacklevel=3)
         self.size = sum(file.size for file in self._files)  # of the storage files [bytes]
         # Statistics of a file without messages say that it starts at 0.
@@ -250,6 +253,11 @@ class BagReader:
                 errors[name] = error
             else:
                 topics.append(TopicSummary.joined(found, losses.get(name)))
+        for file in self._files:
+            if unread := file.unread_offers:
+                name, reason = next(iter(unread.items()))
+                text = f"the QoS of {len(unread)} topics, such as {name:.200}, cannot be read"
+                warnings.warn(BagWarning(f"{file.path}: {text}: {reason}"), stacklevel=4)
         return tuple(topics), errors
 
 

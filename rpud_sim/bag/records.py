@@ -26,6 +26,7 @@ from mcap.records import Chunk, McapRecord
 
 from rpud_sim.bag.batches import items
 from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
+from rpud_sim.foundation.terminal import in_words
 
 CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
 DECLARATION_LIMIT = 16 * 2**20  # greatest record without messages, index or attachment [bytes]
@@ -78,10 +79,11 @@ def reading(path: Path) -> Iterator[None]:
     except OSError as error:
         raise BagError(f"cannot read {path}: {error.strerror or error}") from error
     except BagFormatError as error:
-        text = str(error)
-        raise BagFormatError(text if str(path) in text else f"{path}: {text}") from error
+        if str(path) in str(error):
+            raise
+        raise BagFormatError(f"{path}: {error}") from error
     except UNREADABLE as error:
-        raise BagFormatError(f"{path} is damaged: {error or type(error).__name__}") from error
+        raise BagFormatError(f"{path} is damaged: {in_words(error)}") from error
 
 
 class RawRecord(NamedTuple):

@@ -27,7 +27,7 @@ from rpud_sim.bag.errors import (
     BagWarning,
     OtherStorageError,
 )
-from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files
+from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files, without_copies
 from rpud_sim.bag.mcap_contents import summary_of
 from rpud_sim.bag.mcap_reader import REPEATED_KEY
 from rpud_sim.bag.mcap_writer import MessageRecords
@@ -89,15 +89,15 @@ def recover(
     ``torn`` is an MCAP file or a bag's directory. A recovery that fails leaves nothing at ``out``.
     ``progress`` is called with the bytes that were read since the last call.
     """
-    files, missing, renamed = files_to_recover(torn)
+    chosen = files_to_recover(torn)
     recovery = Recovery(Path(out))
-    for reason in missing:
+    for reason in (*chosen.missing, *chosen.gaps):
         recovery.note(f"lost: {reason}")
-    for text in renamed:
+    for text in chosen.warnings:
         warnings.warn(BagWarning(text), stacklevel=2)
     with whole_bag(out) as bag:
         numbers: dict[tuple[Any, ...], int] = {}
-        found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in files]
+        found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in chosen.files]
         if not any(found):
             raise BagFormatError(f"{torn} holds nothing of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json_text(recovery.to_mapping())})
@@ -123,7 +123,9 @@ def files_to_recover(torn: str | os.PathLike[str]) -> BagFiles:
         files += [file for file in mcap_files(folder) if file.is_file() and file not in files]
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")
-    return found._replace(files=tuple(files))
+    distinct = without_copies(files)
+    said = (*found.warnings, *distinct.warnings)
+    return found._replace(files=distinct.files, warnings=tuple(dict.fromkeys(said)))
 
 
 class _TornFile:
@@ -187,7 +189,7 @@ class _TornFile:
             self._add_loose()
             return head if self._add_chunk(offset, end) else None
         if kind == Opcode.ATTACHMENT and self._file.continues(end):
-            self._damage(offset, end, "is an attachment, which is left out")
+            self._note(f"byte {offset} to {end} is an attachment, which is left out")
             return head
         record = self._sound(offset)
         if record is None:

@@ -71,7 +71,7 @@ class Table:
 
     def __init__(self, summary: TopicSummary) -> None:
         self._name = summary.topic.name
-        if len(summary.kinds) > 1:
+        if not summary.one_type:
             raise BagFormatError("its messages are of several types or definitions")
         if summary.topic.serialization_format != "cdr":
             raise BagFormatError(
@@ -166,7 +166,7 @@ class Tables:
         self._path, self._errors = path, errors
         self._known = {summary.topic.name: summary for summary in summaries}
         self._opened: dict[str, Table | BagFormatError] = {}
-        self._kinds: set[tuple[str, str | None]] = set()  # types and definitions of these
+        self._kinds: set[tuple[str, str, str]] = set()  # encodings, types and definitions of these
         self._size = 0  # characters of the definitions
 
     @cached_property
@@ -195,10 +195,9 @@ class Tables:
     def _open(self, name: str) -> Table | BagFormatError:
         if name not in self._opened:
             summary = self._known[name]
-            kind = (summary.topic.type, summary.definition)
-            if kind not in self._kinds:
+            for kind in summary.kinds - self._kinds:
                 self._kinds.add(kind)
-                self._size += len(_COMMENT.sub("", summary.definition or "")) + _DEFINITION_OVERHEAD
+                self._size += len(_COMMENT.sub("", kind[-1])) + _DEFINITION_OVERHEAD
             try:
                 if self._size > DEFINITIONS_LIMIT:
                     raise BagFormatError(

@@ -50,7 +50,7 @@ def _info(options: Any) -> int:
         content["topics"] = [
             {
                 "name": summary.topic.name,
-                "type": summary.topic.type,
+                "type": ", ".join(summary.types),
                 "message_count": summary.message_count,
                 "rate": summary.rate,
                 "losses": summary.losses.total if summary.losses else None,
@@ -361,7 +361,7 @@ def _comparison_lines(found: Comparison, page: str | None) -> Iterator[str]:
 
     for letter, name, run in zip(LETTERS, found.names, found.values, strict=True):
         where = f"{run.drill.namespace or '/'}, run {run.drill.number} of {run.drill.runs}"
-        yield printable(f"{letter}  {name}: {where}, {run.begin:.6g} to {run.end:.6g} s")
+        yield printable(f"{letter}  {name}: {where}, {run.span or 'times unknown'}")
     for _, head, rows in setting_tables(found):
         if rows:
             yield ""

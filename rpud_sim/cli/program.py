@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, NoReturn
 
+from rpud_sim.cli import ENDING
 from rpud_sim.foundation.json_text import check_finite, json_text
 from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning, ParameterError
 from rpud_sim.foundation.terminal import complain
@@ -111,6 +112,7 @@ def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
     interrupt = _Interrupt()
     try:
         try:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
             code = run()
         finally:
             interrupt.end()
@@ -208,7 +210,7 @@ class _Interrupt:
     def __init__(self) -> None:
         self.seen = False  # whether there was one of them
         self.code = _SIGNAL + signal.SIGINT  # of the program after it
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in ENDING:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup and a shell's & set it
                 signal.signal(number, self._handle)
         signal.signal(signal.SIGALRM, self._handle)

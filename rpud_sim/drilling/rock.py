@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -165,7 +165,7 @@ def find_strata(choice: str) -> Strata:
         except ParameterError as error:
             raise ParameterError(f"strata {error}") from None
         return _strata_at(cursor_at(content, "strata"))
-    if not Path(choice).is_file() and "/" not in choice and "." not in choice:
+    if not os.path.isfile(choice) and "/" not in choice and "." not in choice:
         raise ParameterError(
             f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
         )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import struct
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from json import JSONDecodeError
 from typing import Any, TextIO
 
 # What moves a cursor, changes the direction of writing, or has no encoding.
@@ -17,6 +19,20 @@ _USUAL_WIDTH = 80
 # Greatest lengths of what is printed: a file from outside may have names of any length.
 LONGEST_NAME = 200
 LONGEST_LINE = 1000
+
+# What errors of Python mean where a file from outside raises them.
+_MEANINGS: tuple[tuple[type[Exception] | tuple[type[Exception], ...], str], ...] = (
+    (UnicodeDecodeError, "a text is not UTF-8"),
+    (JSONDecodeError, "it is no JSON"),
+    ((struct.error, EOFError, IndexError), "it ends too early"),
+    (RecursionError, "it is nested too deep, or contains itself"),
+    (OverflowError, "a number is too large"),
+    (MemoryError, "it needs more memory than there is"),
+    ((AttributeError, TypeError), "a value is of another kind than it must be"),
+)
+
+# Of int and float.
+_NO_NUMBER = re.compile(r"(?:invalid literal|could not convert) .*?: (.*)|Exceeds the limit")
 
 
 def printable(text: object, longest: int | None = None) -> str:
@@ -29,6 +45,22 @@ def printable(text: object, longest: int | None = None) -> str:
         return shown
     kept = (longest - 3) // 2
     return f"{shown[:kept]}...{shown[-kept:]}"
+
+
+def in_words(error: BaseException) -> str:
+    """Return in words, on one line, what an error means that a file from outside has raised."""
+    if isinstance(error, KeyError):
+        return f"it has no {error.args[0]!r:.80}" if error.args else "it lacks a part"
+    if (mark := getattr(error, "problem_mark", None)) is not None:  # of YAML
+        said = (getattr(error, name, None) for name in ("context", "problem"))
+        return f"line {mark.line + 1}: {', '.join(filter(None, said))}"
+    for kinds, meaning in _MEANINGS:
+        if isinstance(error, kinds):
+            return meaning
+    if number := _NO_NUMBER.match(str(error)):
+        return f"{number[1]:.80} is no number" if number[1] else "a number has too many digits"
+    text = f"{error!s:.500}".partition('in "<unicode string>"')[0]  # of YAML
+    return " ".join(text.split()) or "it is damaged"
 
 
 def columns(stream: TextIO) -> int:

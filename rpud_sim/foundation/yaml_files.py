@@ -24,6 +24,7 @@ from rpud_sim.foundation.quantities import (
     shown,
     shown_name,
 )
+from rpud_sim.foundation.terminal import in_words
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
@@ -45,6 +46,11 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a key is a list or a mapping", key.start_mark
+                )
         mapping = super().construct_mapping(node, deep)
         if len(mapping) < len(node.value):
             raise yaml.constructor.ConstructorError(
@@ -53,6 +59,13 @@ class _Loader(yaml.SafeLoader):
         return mapping
 
 
+def _refuse_tag(loader: _Loader, node: Any) -> Any:
+    raise yaml.constructor.ConstructorError(
+        None, None, f"the tag {node.tag!r:.80} means nothing here", node.start_mark
+    )
+
+
+_Loader.add_constructor(None, _refuse_tag)
 _BOOL, _INT, _FLOAT = (f"tag:yaml.org,2002:{name}" for name in ("bool", "int", "float"))
 _Loader.yaml_implicit_resolvers = {
     first: [resolver for resolver in resolvers if resolver[0] not in (_BOOL, _INT, _FLOAT)]
@@ -98,7 +111,7 @@ def _read_yaml(text: str) -> tuple[Any, Lines]:
         visit(whole, (), whole.start_mark.line + 1)
         return loader.construct_document(whole), lines
     except (yaml.YAMLError, *_PYYAML_ERRORS) as error:
-        raise ParameterError(f"is not YAML: {' '.join(str(error).split())}") from None
+        raise ParameterError(f"is not YAML: {in_words(error)}") from None
 
 
 def parse_yaml(text: str) -> Any:
@@ -212,7 +225,9 @@ def open_yaml(path: str | Path, *, error: type[ValueError] = ParameterError) -> 
     try:
         value, lines = _read_yaml(content.decode("utf-8"))
     except UnicodeDecodeError as failure:
-        raise error(f"{path} is not YAML: {failure}") from None
+        line = content.count(b"\n", 0, failure.start) + 1
+        byte = f"0x{content[failure.start]:02x}"
+        raise error(f"{path} is not YAML: line {line}: the byte {byte} is not UTF-8") from None
     except ParameterError as failure:
         raise error(f"{path} {failure}") from None
     return Cursor(value, str(path), error, lines)

@@ -19,6 +19,7 @@ from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import FieldReader, Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.recorded import RecordingError
 from rpud_sim.simulation.plan import JournalEntry
@@ -107,8 +108,7 @@ class RecordedJournal:
             frame = str(fields.header.frame_id)
             return RecordedEntry(entry, stamp, frame, message.log_time, message.publish_time)
         except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
-            reason = " ".join(f"{error!r:.120}".split())
-            text = f"an entry of the journal cannot be understood: {reason}"
+            text = f"an entry of the journal cannot be understood: {in_words(error)}"
             raise UnverifiableError(text) from None
 
     def check(self, entries: Iterable[RecordedEntry]) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
@@ -39,7 +40,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.simulation.versions import engine_of, other_engine
 
-_EARLIEST, _LATEST = -(2**62), 2**62  # beyond all times [ns]
+_EARLIEST, _LATEST = -(2**63), 2**63 - 1  # no time is beyond [ns]
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "end")
 
@@ -184,7 +185,9 @@ def runs_of(
         raise RecordingError(
             f"{bag.path} holds no journal named {topic}, but {names}{suggestion(topic, found)}"
         )
-    return _runs(bag, RecordedJournal(bag, found[topic or names]), damages or Damages(bag))
+    return _runs(
+        bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or Damages(bag)
+    )
 
 
 def run_of(
@@ -249,7 +252,7 @@ def _choose(bag: BagReader, wanted: str | None) -> str:
         if len(found) > 1:
             raise RecordingError(f"{bag.path} holds several drills: choose --namespace of {names}")
         return found[0]
-    space = "" if wanted == "/" else f"/{wanted.strip('/')}"
+    space = wanted if wanted in found else f"/{wanted.strip('/')}".rstrip("/")
     if space not in found:
         raise RecordingError(
             f"{bag.path} holds no drill in {wanted!r:.80}, but in {names}{suggestion(space, found)}"
@@ -378,4 +381,4 @@ def _boundary(run: RecordedRun, stamps: Sequence[int]) -> int:
         reached = max(run.end, agreed(stamps) - run.origin if stamps else 0)
         return boundary(boundaries_until(reached, rate), rate)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise RecordingError(f"{run.journal} cannot be understood: {error!r:.100}") from None
+        raise RecordingError(f"{run.journal} cannot be understood: {in_words(error)}") from None

@@ -49,7 +49,7 @@ def message_class(type_name: str) -> Any:
     except ModuleNotFoundError:
         reason = f"there is no {package}.{kind} in this environment"
     except Exception as error:  # a foreign package may raise anything while it is loaded
-        reason = f"{type(error).__name__}: {error}"
+        reason = " ".join(str(error).split())
     raise UnknownTypeError(f"type {type_name} is not installed here: {reason}")
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.batch import Batch
@@ -290,8 +291,7 @@ class Run:
         if self._refused is not None:
             self._refused(change, error)
             return
-        reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
-        raise ChangeError(f"{change.place}{reason}") from error
+        raise ChangeError(f"{change.place}{in_words(error)}") from error
 
     def _shown(self) -> tuple[Any, ...]:
         """Return what a status follows if it changes."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import itertools
+import os
 import re
 import shlex
 import shutil
@@ -81,7 +82,7 @@ class CampaignSystem:
     def place(self) -> Path:
         """Folder in which it starts."""
         place = (self.campaign / self.folder).resolve()
-        if not place.is_dir():
+        if not os.path.isdir(place):
             raise ParameterError(f"folder = {shown(self.folder)} is not a folder")
         return place
 

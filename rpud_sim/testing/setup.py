@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -105,9 +106,9 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
         raise ParameterError(f"{name} = {shown(given)} is not a path")
     places = [folder / given for folder in folders]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):  # False for a name that no file can have
             return place.resolve()
-    parents = [place.parent for place in places if place.parent.is_dir()]
+    parents = [place.parent for place in places if os.path.isdir(place.parent)]
     beside = [each.name for parent in parents for each in parent.iterdir()]
     looked = ", ".join(dict.fromkeys(map(str, places)))
     hint = suggestion(Path(given).name, beside)

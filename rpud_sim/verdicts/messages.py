@@ -15,6 +15,7 @@ import numpy as np
 
 from rpud_sim.bag import Kind
 from rpud_sim.bag.columns import objects
+from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.verdicts.names import SignalField
 from rpud_sim.verdicts.steps import HIGH, LOW
@@ -175,7 +176,9 @@ class TopicMessages:
             for name in names:
                 key += np.array([int(value or 0) for value in self.column(name)], np.int64)
         except (OverflowError, TypeError, ValueError) as error:
-            raise ExpectationError(f"{self._topic}: {', '.join(names)}: {error!r:.100}") from None
+            raise ExpectationError(
+                f"{self._topic}: {', '.join(names)}: {in_words(error)}"
+            ) from None
         return key
 
     def _spread(self, name: str) -> np.ndarray:
@@ -197,4 +200,4 @@ class TopicMessages:
         try:
             return values.astype(bool if field.is_flag else float)
         except (TypeError, ValueError) as error:
-            raise ExpectationError(f"{self._topic}.{column.name}: {error!r:.100}") from None
+            raise ExpectationError(f"{self._topic}.{column.name}: {in_words(error)}") from None

@@ -242,7 +242,7 @@ def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
     if namespace is not None:
         return namespace
     found = sorted(
-        each.topic.name.rpartition("/")[0] for each in topics if each.topic.type == _STATUS_TYPE
+        {each.topic.name.rpartition("/")[0] for each in topics if each.topic.type == _STATUS_TYPE}
     )
     if len(found) > 1:
         raise ExpectationError(f"the bag holds several drills, {listed(found)}: name one")

@@ -329,7 +329,9 @@ class Reading:
         names = [signal.name for signal in recording.signals]
         fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
         count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
-        self.bins = Bins(names, (self._end_of(last) or expected) * _SPARE / count, count)
+        end = self._end_of(last)
+        # Stamps may fall while log times rise: the last chunk is then before the first one.
+        self.bins = Bins(names, (end if end > 0.0 else expected) * _SPARE / count, count)
         for history in histories.values():
             history.clear([self.bins])
             history.time = expected

@@ -37,9 +37,9 @@ from rpud_sim.bag.recovery import recover
         "{",
         "\x00",
         "3",
-        "- {depth: 1}",
+        "- {depth: [1]}",
         "rosbag2_bagfile_information: 3",
-        "rosbag2_bagfile_information: {version: 9}",
+        "rosbag2_bagfile_information: {files: [3]}",
     ],
     ids=lambda text: text[:12],
 )

@@ -185,3 +185,8 @@ def test_texts_without_an_encoding_are_escaped(tmp_path):
     assert found.parameters == {"scenario": "\\ud800"}
     text = json.dumps(json.loads(record["manifest"]) | {"node": "\udc80\ud800"})
     assert manifest_from_record({"manifest": text}).node.encode("utf-8")
+
+
+def test_a_profile_that_lacks_policies_has_the_defaults():
+    [found] = load_offered_qos("- {depth: 5, durability: 1, unknown: 3}")
+    assert found == QosProfile(depth=5, durability="transient_local")

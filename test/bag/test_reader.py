@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from mcap.writer import Writer
 from sample_bags import (
     CHAT,
     START,
@@ -20,6 +21,7 @@ from rpud_sim.bag import (
     BagFormatError,
     BagNotFoundError,
     BagReader,
+    BagWarning,
     QosProfile,
 )
 from rpud_sim.bag.metadata import dump_offered_qos
@@ -48,6 +50,40 @@ def test_a_bag_lists_its_topics_and_messages(tmp_path):
     assert (chat.first_time, chat.last_time) == (None, None)
 
 
+@pytest.mark.parametrize("offers", ["- {history: 3", "5", "- depth: x", "[1]", "!!timestamp 1"])
+def test_offers_that_cannot_be_read_hide_no_message(tmp_path, offers):
+    path = write_mcap(
+        tmp_path / "a.mcap",
+        [(name, START, serialized_string("hi")) for name in ("/a", "/b")],
+        metadata={"offered_qos_profiles": offers},
+    )
+    said = "a.mcap: the QoS of 2 topics, such as /a, cannot be read: "
+    with rpud_sim.bag.open(path) as bag:
+        with pytest.warns(BagWarning, match=said) as warned:
+            topics = bag.topics
+        assert [each.topic.offered_qos for each in topics] == [(), ()]
+        assert len(list(bag.messages())) == 2
+    assert len(warned) == 1
+    assert "<unicode string>" not in str(warned[0].message)
+    assert "Error" not in str(warned[0].message)
+
+
+def test_a_topic_has_the_offers_and_types_of_all_its_publishers(tmp_path):
+    one, two = QosProfile(durability="volatile"), QosProfile(durability="transient_local")
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        for kind, text, offers in (("a/msg/A", b"int8 x", one), ("a/msg/B", b"int8 y", two)):
+            schema = writer.register_schema(kind, "ros2msg", text)
+            metadata = {"offered_qos_profiles": dump_offered_qos((offers,))}
+            writer.register_channel("/a", "cdr", schema, metadata)
+        writer.finish()
+    with rpud_sim.bag.open(tmp_path / "a.mcap") as bag:
+        [found] = bag.topics
+    assert found.topic.offered_qos == (one, two)
+    assert found.types == ("a/msg/A", "a/msg/B")
+
+
 def test_a_closed_bag_is_no_damaged_one(tmp_path):
     bag = rpud_sim.bag.open(write_bag(tmp_path / "run"))
     bag.close()
@@ -72,7 +108,7 @@ def test_a_file_cut_off_anywhere_is_a_clear_error(tmp_path):
     file = write_bag(tmp_path / "run", 20) / "run_0.mcap"
     for length in reversed(range(file.stat().st_size)):
         os.truncate(file, length)
-        with pytest.raises(BagFormatError, match=r"run_0.mcap is (cut off|not an MCAP file)"):
+        with pytest.raises(BagFormatError, match=r"run_0.mcap is (cut off|not an MCAP file|empty)"):
             rpud_sim.bag.open(file)
 
 

@@ -35,6 +35,8 @@ def test_files_of_other_writers_keep_all_that_they_have(tmp_path, compression, c
         writer.add_metadata("notes", {"weather": "fine"})
         writer.add_metadata("notes", {"weather": "worse"})
         writer.finish()
+    whole = recover(torn, tmp_path / "whole")
+    assert (whole.message_count, whole.size_lost, whole.damage_count) == (6, 0, 1)
     torn.write_bytes(torn.read_bytes()[:-30])
     damages = recover(torn, tmp_path / "out").damages
     assert ["is an attachment, which is left out" in each for each in damages][:1] == [True]

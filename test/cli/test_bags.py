@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 from altered_bags import altered
+from raw_mcap import RawMcap
 from sample_bags import CHAT, START, STRING, TALK, write_bag, write_mcap
 
 import rpud_sim.bag
@@ -32,6 +33,16 @@ def test_info_shows_people_and_programs_the_same(tmp_path, rpud):
         "compression": "zstd",
         "topics": [chat, {**chat, "name": TALK.name, "message_count": 11, "rate": rate}],
     }
+
+
+def test_info_shows_every_type_of_a_topic(tmp_path, rpud):
+    parts = [
+        RawMcap([("/a", START, b"\0\1\0\0\1")], type=kind).content() for kind in ("a/msg/A", "b/B")
+    ]
+    for number, content in enumerate(parts):
+        (tmp_path / f"run_{number}.mcap").write_bytes(content)
+    [topic] = json.loads(rpud("info", tmp_path, "--json")[1])["topics"]
+    assert topic["type"] == "a/msg/A, b/msg/B"
 
 
 def test_info_shows_losses(tmp_path, rpud):

@@ -228,3 +228,17 @@ run_program("rpud {name}", lambda: signal.raise_signal(signal.{number}))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     line = "" if code else f"rpud {name}: ended by {number}\n"
     assert (done.returncode, done.stdout, done.stderr) == (code, "", line)
+
+
+def test_a_signal_waits_while_a_program_still_loads():
+    script = """
+import signal, sys
+sys.argv[0] = "/usr/bin/rpud"
+import rpud_sim.cli
+signal.raise_signal(signal.SIGTERM)
+from rpud_sim.cli.main import main
+main(["record", "--out", "/nowhere/bag"])
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    line = "rpud record: ended by SIGTERM\n"
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", line)

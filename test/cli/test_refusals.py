@@ -72,7 +72,7 @@ TAKEN = "exists already; nothing is overwritten"
         ("test none --expect topic.yaml", 2, "topic.yaml:2: "),
         ("test none --expect kind.yaml", 2, "kind.yaml:2: fault kind = 'choked' is unknown"),
         ("test none --expect unit.yaml", 2, "unit.yaml:2: "),
-        ("test odd --expect energy.yaml", 1, "contact_force: sequence: OverflowError"),
+        ("test odd --expect energy.yaml", 1, "contact_force: sequence: a number is too large"),
         ("test drill", 2, "a bag needs --expect FILE; see rpud test --help"),
         ("test drill --expect light.yaml --lf", 2, "unrecognized arguments: --lf"),
         ("fork drill --at 0.1", 2, "where to? give --out DIR, or --live"),

@@ -128,6 +128,7 @@ def test_a_file_that_cannot_be_used_says_why_in_one_line(tmp_path, written, said
     [
         ("bassalt", "strata = 'bassalt' is neither a file nor a rock; did you mean basalt?"),
         ("/nowhere.yaml", "/nowhere.yaml: No such file or directory"),
+        ("a" * 5000, "strata = 'aaa"),
         ("{layers: 3}", "strata: layers = 3 is not a list"),
         ("{layers: [", "strata is not YAML: "),
     ],

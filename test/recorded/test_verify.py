@@ -459,3 +459,26 @@ def test_the_engine_and_the_beginning_alone_decide(bag, tmp_path, edit, proved):
 
 def raised(parameters, name):
     parameters[name] *= 1.0 + 2.0**-52
+
+
+@pytest.mark.parametrize("number", [0, 1, 3, 2**64 - 1])
+def test_an_end_with_another_number_proves_nothing(bag, tmp_path, number):
+    def edit(fields, content):
+        if fields["kind"] == "end":
+            assert fields["sequence"] == 2
+            fields["sequence"] = number
+
+    found = verify(altered(bag, tmp_path / "altered", edited(edit)))
+    assert not found.proved
+    assert found.first_difference is None
+    assert "cannot be decided: /rpud/journal: " in found.undecided
+
+
+@pytest.mark.parametrize("change", [-1, 1, -100_000_000, SECOND])
+def test_an_end_at_another_time_is_a_difference(bag, tmp_path, change):
+    def edit(fields, content):
+        content["time"] += change * (fields["kind"] == "end")
+
+    found = verify(altered(bag, tmp_path / "altered", edited(edit)))
+    assert found.first_difference is not None
+    assert found.first_difference.topic == "/rpud/journal"

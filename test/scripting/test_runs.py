@@ -4,6 +4,7 @@ import json
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import rpud_sim
 from rpud_sim.cli.main import main
 
+CONFIG = Path(__file__).parents[2] / "config"
 ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "initial_feed": 0.001}
 
 
@@ -169,3 +171,10 @@ def test_unknown_topics_and_columns_name_the_nearest(run):
         run["contact_forc"]
     with pytest.raises(KeyError, match="did you mean peak_force"):
         run["contact_force"]["peak_forces"]
+
+
+def test_a_parameter_file_of_the_package_is_taken():
+    run = rpud_sim.simulate(0.01, config=CONFIG / "tables_drilling.yaml", weight_on_bit=3.0)
+    assert run.parameters["regime"] == "drilling"
+    assert run.parameters["weight_on_bit"] == 3.0
+    assert run.parameters["contact_model"] == "printed"

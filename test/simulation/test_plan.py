@@ -44,7 +44,7 @@ BEGIN = Beginning(to_settings({"regime": "free"})).to_journal()
         ("explode", 5, {}, "there is no such kind"),
         ("stop", 4, {}, "before that of the one before it"),
         ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
-        ("weight_on_bit", 5, {}, "KeyError"),
+        ("weight_on_bit", 5, {}, "it has no 'force'"),
         ("begin", 5, BEGIN, "there is no such kind"),
         ("inject", 5, {"fault": {"kind": "lost_preload"}, "duration": 1.5}, "1.5 is no time"),
     ],
@@ -60,9 +60,9 @@ def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        ({"parameters": {}}, "KeyError"),
+        ({"parameters": {}}, "it has no "),
         ({**BEGIN, "parameters": {"telemetry_rate": 0}}, "telemetry_rate = 0"),
-        ({**BEGIN, "faults": [{"kind": "noise"}]}, "KeyError"),
+        ({**BEGIN, "faults": [{"kind": "noise"}]}, "it has no "),
         ({**BEGIN, "seed": 1e308}, r"seed = 1e\+308"),
         (
             {**BEGIN, "faults": [{**vars(Fault("off", "wrench")), "onset": 0.5, "clear": None}]},

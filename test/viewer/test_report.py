@@ -12,6 +12,7 @@ from recorded_bags import rewritten
 
 import rpud_sim.bag
 import rpud_sim.viewer
+from rpud_sim.bag.batches import LATEST
 from rpud_sim.bag.metadata import VERDICT_RECORD, RunVerdict
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
@@ -157,3 +158,14 @@ def test_modules_can_be_joined_for_their_names_are_unique():
         )
     assert len(names) > 50
     assert [name for name, count in names.items() if count > 1] == []
+
+
+@pytest.mark.parametrize("latest", [True, False], ids=["the latest time", "times that fall"])
+def test_a_report_ends_whatever_the_times_of_a_bag(bag, tmp_path, latest):
+    with rpud_sim.bag.open(bag) as source, rpud_sim.bag.BagWriter(tmp_path / "odd") as odd:
+        for summary in source.topics:
+            odd.add_topic(summary.topic, summary.definition)
+        for each in source.messages():
+            logged = LATEST if latest else 10 * SECOND - each.log_time
+            odd.write(each.topic, each.data, logged, LATEST if latest else each.publish_time)
+    assert write_report(tmp_path / "odd", tmp_path / "report.html").messages > 0

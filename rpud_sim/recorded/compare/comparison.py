@@ -93,10 +93,13 @@ def compare(
     drills = [run.drill for run in runs]
     names = _names(drills)
     changed, failed = commands(drills), faults(runs)
-    chosen, warnings = windows(runs, changed, failed, begin, end, settle)
     named = [*zip(names, runs, strict=True)]
-    if not chosen:
-        spans = (f"{name:.80} from {run.begin:.6g} to {run.end:.6g} s" for name, run in named)
+    untimed = [f"{name}: no message shows its time" for name, run in named if not run.span]
+    chosen, warnings = windows(runs, changed, failed, begin, end, settle)
+    if untimed:
+        chosen = ()
+    elif not chosen:
+        spans = (f"{name:.80} from {run.span}" for name, run in named)
         raise RecordingError(
             f"the runs have no time in common from {begin:g} s to "
             f"{'the end' if end is None else f'{end:g} s'}, after {settle:g} s to settle: "
@@ -119,7 +122,7 @@ def compare(
         chosen,
         *compare_values(runs, chosen, wanted, tolerance),
         tolerance,
-        tuple(dict.fromkeys([*told, *warnings, *missing])),
+        tuple(dict.fromkeys([*told, *untimed, *warnings, *missing])),
     )
 
 

@@ -112,7 +112,7 @@ def render(found: Comparison) -> str:
             *found.warnings,
             *(f"Not compared: {name}: {part}: {reason}" for name, part, reason in parts),
         ],
-        differences=difference_picture(found, windows[0]),
+        differences=difference_picture(found, windows[0]) if windows else None,
         sections=[
             *(_window(found, number, place) for place, number in enumerate(windows)),
             Section("Settings, commands and faults", "", tables),

@@ -113,6 +113,11 @@ class RecordedValues:
     damaged: dict[str, str] = field(default_factory=dict)
 
     @property
+    def span(self) -> str:
+        """Begin and end as people read them; empty if no message shows its time."""
+        return f"{self.begin:.6g} to {self.end:.6g} s" if np.isfinite(self.begin) else ""
+
+    @property
     def begin(self) -> float:
         """Simulation time of the first value of any topic [s]; NaN if there are none."""
         return min((float(times[0]) for times in self._times()), default=math.nan)

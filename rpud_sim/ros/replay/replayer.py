@@ -28,7 +28,7 @@ from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed, suggestion
-from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, printable
+from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, in_words, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import CLOCK, ClockSources, UnknownTypeError, filled, message_class
@@ -75,7 +75,7 @@ class Replayer(Node):
             start_parameter_services=False,
         )
         self.failures = 0  # requests that raised an error
-        self.refused = Counter[str]()  # messages that are no plain CDR, by topic
+        self.refused = Counter[str]()  # messages that cannot be published, by topic
         self.topics = AcknowledgedPublishers(_LONGEST_WAIT)  # by the topic's name in the bag
         self._types: dict[str, str] = {}  # by the names that they are published with
         if with_clock:
@@ -93,7 +93,7 @@ class Replayer(Node):
 
     def _add(self, summary: TopicSummary) -> None:
         topic = summary.topic
-        if len(summary.kinds) > 1:
+        if not summary.one_type:
             raise UnknownTypeError("it has several types or definitions")
         if topic.serialization_format != "cdr":
             raise UnknownTypeError(f"it is in {topic.serialization_format!r}")
@@ -131,15 +131,19 @@ class Replayer(Node):
     def publish(self, message: Message, *, hurried: bool) -> bool:
         """Publish a message as it was serialized; see ``AcknowledgedPublishers.send``.
 
-        One that is no plain CDR is left out and counted: a subscriber would fail to read it.
+        One that is no plain CDR, or does not fit the installed type, is left out and counted: a
+        subscriber would fail to read it.
         """
-        if reason := foreign_encoding(message.data):
+        try:
+            if reason := foreign_encoding(message.data):
+                raise BagFormatError(reason)
+            self.topics.send(message.topic, message.data, hurried=hurried)
+        except BagFormatError as error:
             if message.topic not in self.refused:
                 name = printable(message.topic, LONGEST_NAME)
-                self.warn(f"messages of {name} are left out: {reason}")
+                self.warn(f"messages of {name} are left out: {error}")
             self.refused[message.topic] += 1
             return False
-        self.topics.send(message.topic, message.data, hurried=hurried)
         return True
 
     def publish_clock(self, bag_time: int) -> None:
@@ -182,16 +186,21 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
     A recorded field that the installed version lacks is an UnknownTypeError.
     """
     topic = summary.topic
-    try:
-        same = topic.type_hash in ("", find_type_hash(topic.type))
-    except BagError:  # the type is no part of an installation
-        return None
-    if same or summary.definition is None:
+    if summary.definition is None:
         return None
     try:
+        expected = find_type_hash(topic.type)
+        if topic.type_hash == expected:
+            return None
         codec = Codec(topic.type, summary.definition)
     except BagFormatError as error:
+        if not topic.type_hash:  # nothing says that it is another version
+            return None
         raise UnknownTypeError(str(error)) from error
+    except BagError:  # the type is no part of an installation
+        return None
+    if codec.type_hash == expected:  # bags of other tools have definitions without a hash
+        return None
     recorded = {name for name, _ in codec.members.members}
     if gone := recorded - installed.get_fields_and_field_types().keys():
         raise UnknownTypeError(f"the installed {topic.type} has no {', '.join(sorted(gone))}")
@@ -199,8 +208,9 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
     def converted(data: bytes) -> Any:
         try:
             return filled(installed(), to_plain(codec.decode(data)))
-        except (AssertionError, AttributeError, BagFormatError, TypeError, ValueError):
-            return data  # a damaged one goes out as it is
+        except (AssertionError, AttributeError, TypeError, ValueError) as error:
+            reason = f"it does not fit the installed {topic.type}: {in_words(error)}"
+            raise BagFormatError(reason) from error
 
     return converted
 

@@ -233,3 +233,15 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
 
 
 # --- views of the result -----------------------------------------------------------------------
+
+
+def test_runs_whose_messages_show_no_time_are_compared_by_their_bits(made, tmp_path, capsys):
+    cut = altered(made / "a", tmp_path / "cut", lambda message: [message.data[:9]])
+    code, out, err = called(capsys, "compare", cut, cut)
+    assert (code, out.splitlines()[-1]) == (3, "equal bits: the runs are the same")
+    assert "cut (1): no message shows its time" in err
+    page = tmp_path / "page.html"
+    code, out, _ = called(capsys, "compare", cut, made / "a", "--out", page)
+    assert (code, "not decided: too few values" in out, page.exists()) == (3, True, True)
+    assert "nan" not in out.split()
+    assert "inf" not in out.split()

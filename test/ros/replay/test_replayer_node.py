@@ -170,6 +170,29 @@ def test_what_is_no_cdr_is_not_published_but_counted(replay, summaries, capfd, d
     assert node.publish(Message(TALK.name, 5, 5, serialized_string("hi")), hurried=False)
 
 
+def test_a_definition_without_a_hash_is_compared_with_the_installed_type(replay, summaries, capfd):
+    talk = changed(summaries[TALK.name], type_hash="")
+    node = replay(talk)
+    assert node.publish(Message(TALK.name, 5, 5, serialized_string("hi")), hurried=False)
+    replay(dataclasses.replace(talk, definition="string text"))
+    said = f"not replayed: {TALK.name}: the installed std_msgs/msg/String has no text"
+    assert said in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("definition", "data"),
+    [("float64 data", bytes([0, 1, *bytes(10)])), ("int8[] data", serialized_string("hi")[:5])],
+)
+def test_what_does_not_fit_the_installed_type_is_left_out(
+    replay, summaries, capfd, definition, data
+):
+    talk = changed(summaries[TALK.name], type_hash="another")
+    node = replay(dataclasses.replace(talk, definition=definition))
+    assert not node.publish(Message(TALK.name, 5, 5, data), hurried=False)
+    assert node.refused == {TALK.name: 1}
+    assert f"messages of {TALK.name} are left out: " in capfd.readouterr().err
+
+
 def test_a_name_has_a_greatest_length_where_it_is_printed(replay, summaries, capfd):
     replay(changed(summaries[TALK.name], name="/" + "x y" * 5000, type="a/msg/B"))
     assert len(capfd.readouterr().err) < 600
