@@ -80,6 +80,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the mark, ignore a warning of ROS's own Python, and let campaigns be collected."""
     config.addinivalue_line("markers", _MARK)
+    # pytest rewrites the assertions of whatever has a plugin: of all of this package, again at each
+    # start where Python keeps no bytecode, which takes a second.
+    getattr(config.pluginmanager.rewrite_hook, "_must_rewrite", set()).discard("rpud_sim")
     config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning:lark")
     config.pluginmanager.register(CampaignSession(config), NAME)
     if config.option.rpud_shake_seed is None:

@@ -26,6 +26,18 @@ def test_a_run_without_a_drill_imports_nothing_heavy():
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[]\n"
 
 
+def test_pytest_rewrites_none_of_what_a_drill_needs(pytester):
+    """That would take a second of each start where Python keeps no bytecode."""
+    pytester.makepyfile("""
+        def test_a():
+            import rpud_sim.testing.drill, sys
+            own = [sys.modules[each] for each in sys.modules if each.startswith("rpud_sim.ros")]
+            assert own
+            assert not [each for each in own if "Rewrit" in type(each.__loader__).__name__]
+    """)
+    assert pytester.runpytest_subprocess("-p", "no:cacheprovider").ret == pytest.ExitCode.OK
+
+
 def test_wrong_marks_are_refused_before_anything_starts(pytester):
     pytester.makepyfile("""
         import pytest
