@@ -96,7 +96,7 @@ class ArmSupervisor(Node):
         }
         for topic, kind in heard.items():
             self.create_subscription(kind, topic, self._listener(topic, len(heard)), 1000)
-        self._search = self.create_timer(0.05, self._on_search)
+        self._search = self.create_timer(0.01, self._on_search)
 
     def _listener(self, topic, count):
         def hear(message):

@@ -76,7 +76,7 @@ class Supervisor(Node):
         self.create_subscription(ReactingForce, "reacting_force", self._on_reading, 1000)
         self.create_subscription(WrenchStamped, "wrench", self._on_clock, 1000)
         self._engage = self.create_client(SetBool, "engage")
-        self._search = self.create_timer(0.05, self._on_search)
+        self._search = self.create_timer(0.01, self._on_search)
 
     def _on_search(self):
         """Begin when the drill is there; nothing else follows the clock on the wall."""
