@@ -13,7 +13,7 @@ from typing import Any
 
 import rpud_sim
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
-from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.model import tolerances
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (

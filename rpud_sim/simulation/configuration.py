@@ -25,12 +25,12 @@ from rpud_sim.foundation.quantities import (
     flag,
     listed,
     number,
-    quantity_in,
     shown,
     shown_name,
     text,
 )
 from rpud_sim.foundation.schema import read
+from rpud_sim.foundation.shown_quantities import quantity_in
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters

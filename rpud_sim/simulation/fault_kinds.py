@@ -18,7 +18,8 @@ import numpy as np
 
 from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.drilling.mount import MountMotion
-from rpud_sim.foundation.quantities import Quantity, quantity_in
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.shown_quantities import quantity_in
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
 from rpud_sim.model.parameters import QUANTITIES, Parameters

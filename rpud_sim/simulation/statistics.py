@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rpud_sim.drilling.rotor import RotorWork
-from rpud_sim.foundation.quantities import figure_quantity
+from rpud_sim.foundation.shown_quantities import figure_quantity
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import TERMS

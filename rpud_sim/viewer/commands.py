@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.simulation.configuration import parameter_rows
 from rpud_sim.simulation.fault_kinds import magnitude_text
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.json_text import json_text
-from rpud_sim.foundation.quantities import QUANTITIES, for_browser
+from rpud_sim.foundation.shown_quantities import QUANTITIES, for_browser
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded.drill_tables import field_units
 from rpud_sim.viewer.history import History

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.rock import ROCKS, find_strata
-from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.fault_kinds import magnitude_text

@@ -14,13 +14,8 @@ from itertools import count
 from typing import Any
 
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import (
-    QUANTITIES,
-    ParameterError,
-    did_you_mean,
-    number_text,
-    shown,
-)
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.shown_quantities import QUANTITIES, number_text
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics

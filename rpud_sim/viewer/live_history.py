@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client.topics import FIELDS
 from rpud_sim.ros.graph import message_class

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpud_sim.bag import BagError
-from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View

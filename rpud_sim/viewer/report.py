@@ -26,7 +26,7 @@ from rpud_sim.bag.metadata import (
     manifest_from_record,
     tested_from_record,
 )
-from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file

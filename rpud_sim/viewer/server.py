@@ -26,7 +26,8 @@ from tornado.httputil import HTTPHeaders
 from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError, for_browser
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
+from rpud_sim.foundation.shown_quantities import for_browser
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View, encode
 

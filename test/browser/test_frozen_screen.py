@@ -16,7 +16,7 @@ from browser_screens import (
     view_of,
 )
 
-from rpud_sim.foundation.quantities import QUANTITIES, for_browser
+from rpud_sim.foundation.shown_quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.frames import encode, plots_of
 
 pytestmark = pytest.mark.extended

@@ -8,7 +8,7 @@ import pytest
 from browser_pages import PHONE
 from browser_screens import page_with_share
 
-from rpud_sim.foundation.quantities import for_browser
+from rpud_sim.foundation.shown_quantities import for_browser
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.sampling import Times, sample

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
-from rpud_sim.foundation.quantities import QUANTITIES
+from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.ros.drill.health import Report
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration

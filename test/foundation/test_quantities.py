@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from support import refusal
 
 from rpud_sim.foundation.quantities import (
-    QUANTITIES,
     Choice,
     Declaration,
     Flag,
@@ -24,7 +23,6 @@ from rpud_sim.foundation.quantities import (
     did_you_mean,
     flag,
     number,
-    number_text,
     quantities,
     shown,
     shown_name,
@@ -135,30 +133,6 @@ def test_values_are_kept_in_their_types_or_refused_by_name():
     complaint = "flow = 0 l/s is outside its range (0, 9] l/s"
     assert refusal(Pump, 0) == complaint
     assert refusal(lambda: dataclasses.replace(pump, flow=0)) == complaint
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "text"),
-    [
-        ("peak_force", 43_799.0, "43.8 kN"),
-        ("peak_force", 1234.0, "1.23 kN"),
-        ("depth", 1.247e-99, "0 mm"),
-        ("penetration_rate", 5.5e-5, "3.3 mm/min"),
-        ("reacting_force", -14.1049, "-14.1 N"),
-        ("impact_rate", 450.4, "450 /s"),
-        ("drill_tool", 1.2e-6, "0.0012 mm"),
-        ("electrical_power", math.nan, "–"),
-        ("electrical_power", None, "–"),
-    ],
-)
-def test_a_value_reads_as_people_write_it(name, value, text):
-    assert QUANTITIES[name].text(value) == text
-
-
-@given(st.floats(1e-6, 1e9))
-def test_three_digits_are_right(value):
-    assert float(number_text(value)) == pytest.approx(value, rel=5e-3)
-    assert number_text(-value) == f"-{number_text(value)}"
 
 
 @given(st.integers())

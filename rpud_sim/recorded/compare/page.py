@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import NONE
+from rpud_sim.foundation.shown_quantities import NONE
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.recorded.compare.estimates import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rpud_sim.foundation.json_text import finite_values
-from rpud_sim.foundation.quantities import NONE, ShownQuantity
+from rpud_sim.foundation.shown_quantities import NONE, ShownQuantity
 from rpud_sim.recorded.compare.changes import AlignedEvent, ComparedWindow, Setting
 from rpud_sim.recorded.compare.estimates import (
     DIFFERS,

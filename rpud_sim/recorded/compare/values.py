@@ -12,8 +12,8 @@ import numpy as np
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.tables import Tables
-from rpud_sim.foundation.quantities import QUANTITIES as SHOWN
-from rpud_sim.foundation.quantities import ShownQuantity
+from rpud_sim.foundation.shown_quantities import QUANTITIES as SHOWN
+from rpud_sim.foundation.shown_quantities import ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import RecordedRun

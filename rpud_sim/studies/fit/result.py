@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from rpud_sim.foundation.json_text import finite_values, json_text
-from rpud_sim.foundation.quantities import ShownQuantity, quantity_in
+from rpud_sim.foundation.shown_quantities import ShownQuantity, quantity_in
 from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.simulation.configuration import to_configuration, to_values

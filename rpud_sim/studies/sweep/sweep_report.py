@@ -16,7 +16,12 @@ import numpy as np
 from scipy import stats
 from scipy.stats import sobol_indices
 
-from rpud_sim.foundation.quantities import ShownQuantity, figure_quantity, number_text, quantity_in
+from rpud_sim.foundation.shown_quantities import (
+    ShownQuantity,
+    figure_quantity,
+    number_text,
+    quantity_in,
+)
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.studies.sweep.specification import (
     SWEEP_FIGURES,

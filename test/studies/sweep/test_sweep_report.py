@@ -5,7 +5,7 @@ import pytest
 from plain_values import parse_specification
 from scipy import stats
 
-from rpud_sim.foundation.quantities import number_text
+from rpud_sim.foundation.shown_quantities import number_text
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.specification import error_name
 from rpud_sim.studies.sweep.sweep_report import (

@@ -1,0 +1,189 @@
+"""Quantities as people see them: screens, pages and lines in a terminal show each in one form."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+# Units in which quantities are shown, with the SI unit and the factor from it.
+_UNITS = {
+    "kN": ("N", 1e-3),
+    "kHz": ("Hz", 1e-3),
+    "mm": ("m", 1e3),
+    "mm/s": ("m/s", 1e3),
+    "ms": ("s", 1e3),
+    "mJ": ("J", 1e3),
+    "mN m": ("N m", 1e3),
+    "mm/min": ("m/s", 6e4),
+    "µm": ("m", 1e6),
+    "µs": ("s", 1e6),
+    "mm³": ("m^3", 1e9),
+    "/s": ("1/s", 1.0),
+    "°C": ("degC", 1.0),
+}
+NONE = "\N{EN DASH}"  # in place of a value that is not there
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+# Units that are shown with a prefix; angles, and what has no unit, stay as they are.
+_SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
+
+
+@dataclasses.dataclass(frozen=True)
+class ShownQuantity:
+    """Quantity of a drill, and how it is shown; values are in SI units elsewhere."""
+
+    name: str  # such as ``peak_force``
+    label: str  # such as ``peak force``
+    unit: str  # in which it is shown
+    scale: float = 1.0  # from the SI unit to that one
+    colour: str = "other"  # kind of quantity, which names its colour
+    floor: float = 0.0  # SI; what is smaller reads 0
+    types: str = ""  # of messages that have it, the best first; with the column of another name
+    zero: bool = True  # whether its axis includes zero
+    digits: int = 3  # significant ones
+    symbol: str = ""  # of the paper
+
+    @property
+    def si(self) -> str:
+        """SI unit; empty for a pure number."""
+        return _UNITS.get(self.unit, (self.unit, 1.0))[0]
+
+    @property
+    def sources(self) -> list[str]:
+        """``Type.column`` of messages that have it, the best first."""
+        return [each if "." in each else f"{each}.{self.name}" for each in self.types.split()]
+
+    def for_browser(self) -> dict[str, object]:
+        """Return it as plain values, for the page's own script."""
+        return {n: value for n, value in vars(self).items() if n not in ("types", "symbol")}
+
+    def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
+        """Return a value, given in SI units, as people read it; a dash for none.
+
+        ``sign`` shows that of a positive value too.
+        """
+        if value is None or not math.isfinite(value):
+            return NONE
+        number = number_text(0.0 if abs(value) < self.floor else value * self.scale, self.digits)
+        number = f"+{number}" if sign and value > 0.0 and number != "0" else number
+        return f"{number} {self.unit}" if unit and self.unit else number
+
+
+def _exponent(value: float) -> int:
+    """Return the power of ten of a number's first digit."""
+    return int(f"{value:e}".partition("e")[2])
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """Return a number with some significant digits, and with all of them before the point.
+
+    One of more than nine digits before the point has an exponent.
+    """
+    if not math.isfinite(value):
+        return NONE
+    if not value:
+        return "0"
+    places = max(0, digits - 1 - _exponent(value))
+    text = f"{value:.{places}f}" if places <= 9 and abs(value) < 1e9 else f"{value:.{digits - 1}e}"
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
+
+
+# Name, label, symbol of the paper, unit, colour, floor, whether any axis will do or one with zero,
+# and messages that have it.
+_TABLE = """\
+impact_rate | impacts | | /s | force | 1e-3 | |
+peak_force | peak force | | kN | force | 0.5 | | ContactForce
+contact_force | contact force | | kN | force | 0.5 | |
+reacting_force | reacting force | R | N | load | 1e-6 | | ReactingForce.force
+weight_on_bit | weight on bit | W | N | command | 1e-6 | | Mount Status
+nodal_plane | nodal plane | | mm | plane | 1e-8 | any | NodalPlane.position
+actuator | actuator tip | | mm | plane | 1e-8 | any |
+free_mass | free mass | | mm | mass | 1e-8 | any |
+drill_tool | drill tool | | mm | tool | 1e-8 | any | DrillTool.displacement
+electrical_power | electrical power | | W | power | 1e-6 | | ActuatorState Status
+actuator_power | power of the vibration | | W | power | 1e-6 | | Power Status
+absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Power Status
+power | power | | W | power | 1e-6 | |
+depth | depth | | mm | depth | 1e-9 | | Borehole Status
+penetration_rate | penetration rate | | mm/min | depth | 1e-10 | | Borehole Status
+torque | torque of rock and cuttings | | mN m | torque | 1e-9 | | Rotation
+drive_torque | torque of the drive | | mN m | power | 1e-9 | | Rotation
+rotation_rate | rotation | | rad/s | torque | 1e-6 | | Rotation.rate
+mount_force | force of the arm | | N | load | 1e-6 | | Mount.force
+mount_position | mount | | mm | plane | 1e-9 | any | Mount.position
+feed | feed | | mm | command | 1e-9 | any | Mount
+vibration_amplitude | vibration | | µm | plane | 1e-12 | | Status ActuatorState.amplitude
+current | current | | A | power | 1e-9 | | ActuatorState
+drive_voltage | voltage | | V | command | 1e-6 | | Status ActuatorState.voltage
+drive_frequency | drive frequency | | kHz | command | 1e-3 | any | Status ActuatorState.frequency
+resonance_frequency | resonance | | kHz | plane | 1e-3 | any | Status ActuatorState
+temperature | stack temperature | | °C | fault | 0 | any | Status.actuator_temperature ActuatorState
+packed_cuttings | packed cuttings | | mm³ | depth | 1e-13 | | Borehole
+bit_wear | wear of the bit | | | tool | 1e-9 | | Borehole
+lateness | latest block | | ms | other | 1e-6 | | Timing.lateness_max Status.lateness_max
+feed_rate | rate of the feed | | mm/s | command | 1e-9 | |
+impact_interval | impact interval | | ms | force | 1e-9 | |
+impact_velocity | impact velocity | | m/s | mass | 1e-6 | |
+impact_energy | impact energy | | mJ | force | 1e-9 | |
+contact_duration | contact duration | | µs | force | 1e-9 | |
+impact_power | power of the impacts | | W | power | 1e-6 | |
+weight_power | power of weight on bit and gravity | | W | power | 1e-6 | |
+load_damper_power | power lost in the load damper | | W | power | 1e-6 | |
+collision_power | power lost in collisions | | W | power | 1e-6 | |
+"""
+
+
+def _row(text: str) -> ShownQuantity:
+    name, label, symbol, unit, colour, floor, axis, types = (w.strip() for w in text.split("|"))
+    scale = _UNITS.get(unit, (unit, 1.0))[1]
+    return ShownQuantity(
+        *(name, label, unit, scale, colour, float(floor), types), zero=not axis, symbol=symbol
+    )
+
+
+QUANTITIES: Mapping[str, ShownQuantity] = {
+    quantity.name: quantity for quantity in map(_row, _TABLE.splitlines())
+}
+# Quantity of each figure of a run.
+_FIGURES = {
+    "drill_tool_impact_rate": "impact_rate",
+    "actuator_impact_rate": "impact_rate",
+    "squeezed_impact_rate": "impact_rate",
+    "impact_velocity_mean": "impact_velocity",
+    "contact_force_mean": "peak_force",
+    "contact_force_p99": "peak_force",
+    "contact_force_max": "peak_force",
+    "contact_duration_mean": "contact_duration",
+    "kinetic_energy_rate": "power",
+    "energy_transferred_rate": "power",
+    "energy_absorbed_rate": "power",
+    "reacting_force_mean": "reacting_force",
+    "depth": "depth",
+    "penetration_rate": "penetration_rate",
+}
+
+
+def figure_quantity(name: str) -> ShownQuantity:
+    """Return how a figure of a run is shown, by its name; its label is that name in words."""
+    known = QUANTITIES.get(_FIGURES.get(name, ""), ShownQuantity("", "", ""))
+    return dataclasses.replace(known, name=name, label=name.replace("_", " "))
+
+
+def quantity_in(unit: str, greatest: float, label: str = "") -> ShownQuantity:
+    """Return how a quantity outside the table is shown, such as a parameter.
+
+    ``unit`` is its SI unit. ``greatest`` is its greatest size: it gets one to three digits before
+    the point.
+    """
+    if unit == "kg" and 0.0 < greatest < 1.0:
+        return ShownQuantity("", label, "g", 1e3)
+    if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
+        return ShownQuantity("", label, "/s" if unit == "1/s" else unit)
+    exponent = min(max(3 * (_exponent(greatest) // 3), -9), 9)
+    exponent = min(exponent, 0) if unit == "s" else exponent
+    return ShownQuantity("", label, _PREFIXES[exponent] + unit, float(f"1e{-exponent}"))
+
+
+def for_browser() -> list[dict[str, object]]:
+    """Return the table as plain values, for the page's own script."""
+    return [quantity.for_browser() for quantity in QUANTITIES.values()]
