@@ -108,6 +108,17 @@ class BagReader:
         return {name: str(error) for name, error in self._declared[1].items()}
 
     @property
+    def unread_offers(self) -> list[str]:
+        """A sentence for each file in which the QoS of some topics cannot be read."""
+        found = [(file.path, file.unread_offers) for file in self._files if self._declared]
+        return [
+            f"{path}: the QoS of {len(unread)} topics, such as {next(iter(unread)):.200}, "
+            f"cannot be read: {next(iter(unread.values()))}"
+            for path, unread in found
+            if unread
+        ]
+
+    @property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics cannot be tables, by their names."""
         return self._tables.left_out
@@ -253,11 +264,6 @@ class BagReader:
                 errors[name] = error
             else:
                 topics.append(TopicSummary.joined(found, losses.get(name)))
-        for file in self._files:
-            if unread := file.unread_offers:
-                name, reason = next(iter(unread.items()))
-                text = f"the QoS of {len(unread)} topics, such as {name:.200}, cannot be read"
-                warnings.warn(BagWarning(f"{file.path}: {text}: {reason}"), stacklevel=4)
         return tuple(topics), errors
 
 

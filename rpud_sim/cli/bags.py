@@ -57,6 +57,8 @@ def _info(options: Any) -> int:
             }
             for summary in bag.topics
         ]
+        for text in bag.unread_offers:
+            complain("rpud info", text)
     print_result(options, content, lambda: _info_lines(content))
     return ExitCode.DONE
 

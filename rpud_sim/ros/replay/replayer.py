@@ -337,6 +337,8 @@ def _replay(
         if topics:
             raise ReplayError(f"nothing of {bag.path} can be replayed here")
         return Replayed(f"{printable(bag.path)} has no messages to replay", complete=True)
+    for text in bag.unread_offers:
+        node.warn(text)
     node.get_logger().info(
         f"replaying {printable(bag.path)}: {len(node.topics)} topics, "
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
