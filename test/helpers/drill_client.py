@@ -1,5 +1,6 @@
 """A plain rclpy client of the drill, as a user would write it."""
 
+import contextlib
 import itertools
 import time
 
@@ -85,12 +86,17 @@ class Client:
         return heard
 
     def until(self, condition):
-        """Hear messages until a condition holds and give its value; fail if it never does."""
+        """Hear messages until a condition holds and give its value; fail if it never does.
+
+        It does not hold as long as it looks at a message that has not come yet.
+        """
         deadline = time.monotonic() + PATIENCE
-        while not (value := condition()):
+        while True:
+            with contextlib.suppress(LookupError):
+                if value := condition():
+                    return value
             assert time.monotonic() < deadline, "it did not come true"
             self._executor.spin_once(timeout_sec=0.05)
-        return value
 
     def command(self, message):
         """Publish a command to a drill that is there to hear it."""
