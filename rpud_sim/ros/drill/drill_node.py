@@ -28,7 +28,7 @@ from rpud_sim.ros.drill.managed_node import (
     NameHold,
     log_exceptions,
 )
-from rpud_sim.ros.drill.pacing_loop import PacingLoop
+from rpud_sim.ros.drill.pacing_loop import LAST_RESPONSE, PacingLoop
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices, offer_standard_services
 from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.process import StartError, StopRequest, limit_end, limited_end, running_ros
@@ -264,8 +264,14 @@ def spin(
             node.get_logger().warning("the process that started the drill has ended: it ends, too")
     finally:
         with limited_end():
+            session = node.loop.started
+            answering = session is not None and session.timeline.goal is not None
             node.stop()
-            executor.shutdown(timeout_sec=_LAST_ANSWERS)
+            # Against its word, rclpy's shutdown does not wait for callbacks that are under way.
+            executor._work_tracker.wait(_LAST_ANSWERS)
+            if answering:  # a client drops the response of a node that it knows to have left
+                time.sleep(LAST_RESPONSE)
+            executor.shutdown()
     if (failure := node.loop.failure) is not None:
         raise RuntimeError(str(failure)) from failure
 

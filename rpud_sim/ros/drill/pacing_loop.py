@@ -13,7 +13,7 @@ from rpud_sim.ros.threads import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
-_LAST_RESPONSE = 1.0  # for the response to a client that ends the process, to arrive [s]
+LAST_RESPONSE = 1.0  # for a response to arrive before the process ends [s]
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
 
@@ -97,7 +97,7 @@ class PacingLoop:
     def quit(self) -> None:
         """End the drilling at a client's request, and the process when that has its response."""
         self._end()
-        self._quit_at = time.monotonic() + _LAST_RESPONSE
+        self._quit_at = time.monotonic() + LAST_RESPONSE
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and wait until subscribers have it."""
