@@ -32,8 +32,8 @@ LOADS: Mapping[str, Mapping[str, object]] = {
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
     "largest": {"weight_on_bit": 80.0, "sample_rate": 100_000, "telemetry_rate": 1000},
 }
-RATIO = Goal(most=1.2)
-CORE = Goal(most=12.0)  # [%]
+RATIO = Goal(most=1.1)
+CORE = Goal(most=8.0)  # [%]
 LATEST = Goal(most=5.0)  # [ms]
 IN_TIME = Goal(least=99.9)  # [%]
 REPLY = Goal(most=50.0)  # [ms]
