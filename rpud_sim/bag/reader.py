@@ -110,12 +110,12 @@ class BagReader:
     @property
     def unread_offers(self) -> list[str]:
         """A sentence for each file in which the QoS of some topics cannot be read."""
-        found = [(file.path, file.unread_offers) for file in self._files if self._declared]
+        files = self._files if self._declared else ()  # declared: their offers have been read
         return [
-            f"{path}: the QoS of {len(unread)} topics, such as {next(iter(unread)):.200}, "
+            f"{file.path}: the QoS of {len(unread)} topics, such as {next(iter(unread)):.200}, "
             f"cannot be read: {next(iter(unread.values()))}"
-            for path, unread in found
-            if unread
+            for file in files
+            if (unread := file.unread_offers)
         ]
 
     @property

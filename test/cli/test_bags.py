@@ -188,6 +188,15 @@ def test_a_warning_of_a_bag_is_one_line_and_no_failure(tmp_path, rpud):
     )
 
 
+def test_info_says_that_the_qos_cannot_be_read_and_a_proof_needs_none(tmp_path, rpud):
+    metadata = {"offered_qos_profiles": "- {history: 3"}
+    file = write_mcap(tmp_path / "a.mcap", [("/a", 5, b"")], metadata=metadata)
+    code, _, err = rpud("info", file)
+    assert code == 0
+    assert err.startswith(f"rpud info: {file}: the QoS of 1 topics, such as /a, cannot be read: ")
+    assert "QoS" not in rpud("verify", file)[2]
+
+
 def test_recover_names_a_missing_file_and_exits_with_3(tmp_path, rpud):
     path = write_bag(tmp_path / "run")
     (path / "run_0.mcap").rename(path / "run_1.mcap")
