@@ -40,7 +40,7 @@ def parts_of(type_name: str, definition: str) -> Iterator[tuple[str, str]]:
 def fields_of(type_name: str, text: str) -> Iterator[tuple[str, str, str]]:
     """Yield type, name and comment of each field in a type's own text; constants are none.
 
-    Lines end where those of a ``.msg`` do in ROS. Another line is a ValueError.
+    A line ends where ROS ends it in a ``.msg``. A line that is no field is a ValueError.
     """
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.strip()

@@ -70,7 +70,7 @@ def run_batches(
     report: Callable[[float], object] = lambda seconds: None,
 ) -> Iterator[Iterable[Batch]]:
     """Yield all batches of a run that ends at a time [ns], each part in the order of writing."""
-    # Its stamps are simulation time, whatever those of a run that is written again were.
+    # Its stamps are simulation time, also where a recorded run had other stamps.
     again = [change for change in plan.changes if not isinstance(change.action, SetOrigin)]
     plan = Plan(plan.beginning, tuple(change for change in again if change.time < end))
     run = Run(plan, Journal(), topics.__contains__, reports=True)

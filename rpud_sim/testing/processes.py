@@ -124,7 +124,7 @@ def _is_free(port: int) -> bool:
 
 
 class DrillProcess:
-    """Process of a drill node, in a domain of its own: it imports, and waits for its start.
+    """Process of a drill node in a ROS domain that it claims: it imports, and waits for its start.
 
     It reads its scenario again at each reset: a file that the owner may write before. A guard ends
     all processes with its environment if this process is killed.
@@ -159,7 +159,7 @@ class DrillProcess:
         os.close(reading)
 
     def start(self, parameters: Mapping[str, Any], namespace: str) -> None:
-        """Start the node, with these parameters and those of every drill of a test."""
+        """Start the node in lockstep, with these parameters."""
         self.namespace = namespace
         # A name, not the path: the journal has it, and is the same in every flight.
         values = {**parameters, **LOCKSTEP, "scenario": self.scenario.name}

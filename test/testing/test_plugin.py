@@ -38,6 +38,27 @@ def test_pytest_rewrites_none_of_what_a_drill_needs(pytester):
     assert pytester.runpytest_subprocess("-p", "no:cacheprovider").ret == pytest.ExitCode.OK
 
 
+@pytest.mark.parametrize(
+    ("first", "options", "starts"),
+    [("drill", (), True), ("drill", ("--collect-only",), False), ("tmp_path", (), False)],
+)
+def test_the_process_of_a_drill_starts_with_the_tests_if_the_first_has_one(
+    pytester, first, options, starts
+):
+    pytester.makeconftest("""
+        import pytest
+        from rpud_sim.testing.item_drills import POOL
+
+        @pytest.hookimpl(trylast=True)
+        def pytest_collection_finish(session):
+            print("starts", POOL in session.config.stash)
+            session.items.clear()
+    """)
+    pytester.makepyfile(f"def test_a({first}): pass\ndef test_b(drill): pass")
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-s", *options)
+    result.stdout.fnmatch_lines([f"*starts {starts}"])
+
+
 def test_wrong_marks_are_refused_before_anything_starts(pytester):
     pytester.makepyfile("""
         import pytest
