@@ -18,9 +18,9 @@ from bench.table import Goal, Row, row
 from rpud_sim.bag.mcap_writer import LEVEL
 from rpud_sim.bag.records import uncompressed
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation import Simulation
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.simulation import Simulation
 
 LONG, SHORT = 600, 120  # simulated time of the bags that are written and of those read [s]
 TURNS = 3

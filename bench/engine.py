@@ -16,10 +16,11 @@ from bench.flight import Flight, agreeing, first_flight
 from bench.table import Goal, Row, row
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters, preset
+from rpud_sim.simulation.configuration import Settings, whole_configuration
 from rpud_sim.simulation.ensemble import compile_kernels, run_members
-from rpud_sim.simulation.plan import initial_phases
+from rpud_sim.simulation.metrics import Metrics
+from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import Statistics
 
 DURATION = 100  # of the runs [s]
 PHASES = (0.0, 0.02, 0.04, 0.06, 0.08)  # of the turns [cycles]
@@ -78,12 +79,14 @@ def _beside_c(regime: str, parameters: Parameters) -> Iterator[Row]:
     yield row(f"{name}: events per second on one core", rates, "1/s")
     ratios = [figures["cpu_time"] / run.used for run, figures in pairs]
     yield row(f"{name}: speed over that of C", ratios, goal=_OVER_C)
+    settings = Settings(whole_configuration(parameters))
     phases = initial_phases(_MEMBERS, 1)
+    plans = [Plan(Beginning(settings, phase)) for phase in phases]
     events = median(run.events / DURATION for run in ours) * _MEMBERS * _MEMBER_DURATION
     rates = []
     for _ in PHASES:
         began = time.process_time()
-        list(run_members(parameters, _MEMBER_DURATION, phases, threads=_THREADS))
+        list(run_members(plans, _MEMBER_DURATION, threads=_THREADS))
         rates.append(events / (time.process_time() - began))
     goal = _ENSEMBLE[regime]
     yield row(f"ensembles, {regime}: events per second of processor time", rates, "1/s", goal=goal)
@@ -96,7 +99,7 @@ def _beside_c(regime: str, parameters: Parameters) -> Iterator[Row]:
 
 def _run(parameters: Parameters, phase: float) -> Run:
     simulation = Simulation(parameters, phase)
-    statistics = Statistics()
+    metrics = Metrics()
     used = 0.0
     events = 0
     for end in range(STRIDE, DURATION + 1, STRIDE):
@@ -104,6 +107,6 @@ def _run(parameters: Parameters, phase: float) -> Run:
         block = simulation.advance_to(end * SECOND)
         used += time.process_time() - began
         events += len(block.segments)
-        statistics.add(block)
-    figures = {name: value for name, value in statistics.figures().items() if value is not None}
+        metrics.add(block)
+    figures = {name: value for name, value in metrics.values().items() if value is not None}
     return Run(used, events, figures, first_flight(block))

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from rpud_sim.simulation import ActuatorParameters, Configuration, Simulation, preset
+from rpud_sim.simulation import Beginning, Plan, Run, to_settings
 
 for regime in ("free", "drilling"):
     for generator in ("fixed", "tracking"):
-        actuator = ActuatorParameters(actuator_model="resonance", generator=generator)
-        simulation = Simulation(Configuration(preset(regime), actuator))
-        simulation.advance_to(500_000_000)
+        values = {"regime": regime, "actuator_model": "resonance", "generator": generator}
+        run = Run(Plan(Beginning(to_settings(values))), wanted=None)
+        run.finish(500_000_000)
         found = []
         for time in range(501, 2501):
-            simulation.advance_to(time * 1_000_000)
-            now = simulation.actuator
+            run.finish(time * 1_000_000)
+            now = run.simulation.actuator
             found.append((now.amplitude * 1e6, now.phase, now.frequency))
         amplitude, phase, frequency = np.mean(found, axis=0)
         drawn, work = now.electrical_energy / 2.5, now.mechanical_work / 2.5

@@ -1,6 +1,6 @@
 """Prints the rate of penetration of the default drill in each rock, with its range."""
 
-from rpud_sim.simulation import Simulation, preset_layer, to_settings
+from rpud_sim.simulation import Beginning, Plan, Run, preset_layer, to_settings
 
 
 def rate(rock, share=0.01, threshold=1.0, **changes):
@@ -8,9 +8,10 @@ def rate(rock, share=0.01, threshold=1.0, **changes):
     layer["threshold_energy"] = threshold * preset_layer(rock).threshold_energy
     values = {"strata": str({"layers": [layer]}), "rotation_model": "friction_drive"}
     settings = to_settings({**values, "rock_energy_transfer": share, **changes})
-    simulation = Simulation(settings.configuration)
-    simulation.advance_to(3_000_000_000)
-    return simulation.process.borehole.penetration_rate * 6e4, simulation.process.rotation
+    run = Run(Plan(Beginning(settings)), wanted=None)
+    run.finish(3_000_000_000)
+    process = run.simulation.process
+    return process.borehole.penetration_rate * 6e4, process.rotation
 
 
 for rock in ("regolith", "chalk", "limestone", "sandstone", "basalt"):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
 from rpud_sim.cli.program import CommandError, ExitCode
 from rpud_sim.foundation.json_text import finite_values, json_text
-from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional, required
+from rpud_sim.foundation.options import POSITIVE_SECONDS, SEED, option, positional, required
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from rpud_sim.ros.client import DrillClient
     from rpud_sim.ros.client.topics import TopicListener
 
-_SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 _COUNT = Quantity("", "a number of messages", 1, 2**63 - 1, whole=True)
 _WIDTH = 2**31 - 1  # of a line of YAML: no text is folded
 _WAIT = 0.1  # between looks at the clock and at signals [s]
@@ -261,9 +260,7 @@ def _step(drill: DrillClient, seconds: float) -> str:
         "what to reset (default: %(default)s)",
         choices=("all", "time", "state", "faults"),
     ),
-    seed=option(
-        None, "of phase, scenario and noise from here on (default: the present one)", _SEED
-    ),
+    seed=option(None, "of phase, scenario and noise from here on (default: the present one)", SEED),
 )
 def _reset(drill: DrillClient, scope: str, seed: int | None) -> str:
     drill.reset(scope, seed)

@@ -15,7 +15,7 @@ from rpud_sim.foundation.terminal import columns, printable
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.health import Report
     from rpud_sim.simulation.faults import FaultRecord
-    from rpud_sim.simulation.statistics import Figures
+    from rpud_sim.simulation.metrics import Values
 
 Opened = TypeVar("Opened")
 
@@ -106,9 +106,7 @@ def live_text(report: Report, width: int | None = None) -> str:
     return text[: max(0, width - 1)]
 
 
-def summary_text(
-    figures: Figures, report: Report | None, faults: Sequence[FaultRecord] = ()
-) -> str:
+def summary_text(figures: Values, report: Report | None, faults: Sequence[FaultRecord] = ()) -> str:
     motion = _joined(_motion(figures, [record.fault.kind for record in faults]))
     lines = [f"drilled {figures['duration']:.2f} s: {motion}"]
     if report is None:
@@ -169,7 +167,7 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
     return parts
 
 
-def _motion(figures: Figures, faults: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def _motion(figures: Values, faults: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the rate of impacts, or why there are none, and the forces."""
     rate, mean = figures["drill_tool_impact_rate"], figures["contact_force_mean"]
     most, reacting = figures["contact_force_max"], figures["reacting_force_mean"]

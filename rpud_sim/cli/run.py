@@ -192,7 +192,7 @@ def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool
 
 
 def _print_summary(node: DrillNode) -> None:
-    print(summary_text(node.totals.figures(), node.report, node.faults), flush=True)
+    print(summary_text(node.totals.values(), node.report, node.faults), flush=True)
 
 
 def _close_recorder(recorder: ChildProcess, record: str, *, early: bool) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,28 +20,27 @@ from rpud_sim.cli.options import (
     run_number_option,
 )
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
-from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, option, required
+from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, SEED, option, required
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import cell, complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.simulation.changes import Change, PlannedChanges
-    from rpud_sim.simulation.configuration import Configuration
+    from rpud_sim.simulation.changes import PlannedChanges
+    from rpud_sim.simulation.plan import Plan
 
 _DURATION = Quantity("s", "simulated time", 1e-9, 1e6)  # time is whole nanoseconds
 _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
-_SEED = Quantity("", "seed", 0, 2**63, whole=True)
 
 
 @command(
     "simulate",
     "--regime drilling --duration 20 --set weight_on_bit=20 --json",
-    "run the drill offline, faster than real time, and print its figures",
+    "run the drill offline, faster than real time, and print its metrics",
     "",
     {**JSON, **PARAMETERS},
     duration=option(10.0, "simulated time", _DURATION),
     repeat=option(1, "runs over initial vibration phases, for standard errors", _REPEAT),
-    seed=option(None, "seed of phases, and of the scenario instead of its own seed", _SEED),
+    seed=option(None, "seed of initial phases, scenario and noise (default: the file's)", SEED),
     commands=option(None, "commands and faults at their times, as of rpud fork", metavar="FILE"),
     bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
 )
@@ -48,8 +48,8 @@ def _run(options: Any) -> int:
     if options.bag and options.repeat > 1:
         raise ParameterError("--bag goes with a single run, not with --repeat")
     _refuse_assignments_to_the_node(options.assignments)
-    figures = _simulate(options)
-    print_result(options, figures, lambda: _lines(figures))
+    metrics = _simulate(options)
+    print_result(options, metrics, lambda: _lines(metrics))
     return ExitCode.DONE
 
 
@@ -59,82 +59,70 @@ def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
 
     for text in assignments:
         name, _ = parse_assignment(text)
-        if name in NODE_NAMES and name != "scenario":
+        if name in NODE_NAMES and name not in ("scenario", "seed"):
             raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
 def _simulate(options: Any) -> dict[str, Any]:
-    from rpud_sim.simulation.configuration import to_settings
-    from rpud_sim.simulation.ensemble import compile_kernels
-    from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
-    from rpud_sim.simulation.scenario_file import read_commands, read_scenario
-
-    settings = to_settings(parameter_values(options))
-    configuration, file = settings.configuration, settings.scenario
-    faults = read_scenario(file, options.seed) if file else ()
-    planned = read_commands(options.commands).changes if options.commands else ()
-    compile_kernels(configuration, _show, messages=bool(options.bag))
-    phases = initial_phases(options.repeat, options.seed)
-    if options.bag:
-        from rpud_sim.recorded.offline_bag import write_offline_bag
-
-        beginning = Beginning(settings, phases[0], options.seed or 0, faults)
-        plan = Plan(beginning, planned)
-        text = Path(file).read_text(encoding="utf-8") if file else ""
-        with progress_bar(" s", options.duration) as bar:
-            write_offline_bag(options.bag, plan, options.duration, text, bar.update)
-    figures = _figures(options, configuration, phases, (*faults, *planned))
-    return {**figures, "scenario": file or None}
-
-
-def _figures(
-    options: Any,
-    configuration: Configuration,
-    phases: Sequence[float],
-    planned: Sequence[Change],
-) -> dict[str, Any]:
     from rpud_sim.drilling.rock import NO_DEEPER
-    from rpud_sim.simulation.energy_account import mean_of
-    from rpud_sim.simulation.ensemble import run_ensemble
+    from rpud_sim.simulation.configuration import to_settings
+    from rpud_sim.simulation.ensemble import compile_kernels, phases_of, run_ensemble
+    from rpud_sim.simulation.plan import Beginning, Plan
+    from rpud_sim.simulation.scenario_file import read_commands
 
-    threads = len(os.sched_getaffinity(0))
+    beginning = Beginning.drawn(to_settings(parameter_values(options)), options.seed)
+    planned = read_commands(options.commands).changes if options.commands else ()
+    plan = Plan(beginning, planned)
+    settings = beginning.settings
+    configuration = settings.configuration
+    compile_kernels(configuration, _show, messages=bool(options.bag))
     with progress_bar(" s", options.duration * options.repeat) as bar:
-        ensemble = run_ensemble(
-            configuration, options.duration, phases, bar.update, planned, threads
-        )
-    members = ensemble.members
-    figures: dict[str, Any] = {
-        **ensemble.mean(),
-        "real_time_factor": ensemble.real_time_factor,
-    }
-    deepest = max(member.figures.get("depth") or 0.0 for member in members)
-    if deepest >= configuration.parameters.tool_length:
+        if options.bag:
+            found = _write_bag(options, plan, bar.update)
+        else:
+            threads = len(os.sched_getaffinity(0))
+            plans = phases_of(plan, options.repeat)
+            ensemble = run_ensemble(plans, options.duration, bar.update, threads)
+            found = {**ensemble.mean(), "real_time_factor": ensemble.real_time_factor}
+            if options.repeat > 1:
+                found["standard_error"] = ensemble.standard_error()
+    if (found.get("depth") or 0.0) >= configuration.parameters.tool_length:
         _show(NO_DEEPER)
-    account = mean_of([member.account for member in members if member.account])
-    figures["energy_account"] = account.to_dict()
-    if feeds := [member.feed for member in members if member.feed]:
-        figures["feed_account"] = mean_of(feeds).to_dict(account.weight_on_bit_work)
-    if works := [member.rotation for member in members if member.rotation]:
-        figures["rotation_account"] = dataclasses.asdict(mean_of(works))
-    figures["regime"] = configuration.parameters.regime
-    figures["repeat"] = options.repeat
-    figures["seed"] = options.seed
-    if options.repeat > 1:
-        figures["standard_error"] = ensemble.standard_error()
-    for group in ("parameters", "actuator", "rock", "rotation", "mount", "strata", "bit"):
-        figures[group] = dataclasses.asdict(getattr(configuration, group))
-    return figures
+    groups = ("parameters", "actuator", "rock", "rotation", "mount", "strata", "bit")
+    return {
+        **found,
+        "regime": configuration.parameters.regime,
+        "repeat": options.repeat,
+        "seed": settings.seed_or_none,
+        **{group: dataclasses.asdict(getattr(configuration, group)) for group in groups},
+        "scenario": settings.scenario or None,
+    }
 
 
-def _lines(figures: dict[str, Any]) -> Iterator[str]:
-    from rpud_sim.simulation.statistics import FIGURES
+def _write_bag(options: Any, plan: Plan, report: Callable[[float], object]) -> dict[str, Any]:
+    """Write the bag, and return the metrics of the same run."""
+    from rpud_sim.recorded.offline_bag import write_offline_bag
+    from rpud_sim.simulation.metrics import Metrics
+
+    metrics, file = Metrics(), plan.beginning.settings.scenario
+    text = Path(file).read_text(encoding="utf-8") if file else ""
+    started = time.perf_counter()
+    write_offline_bag(
+        options.bag, plan, options.duration, text, report=report, on_block=metrics.add
+    )
+    factor = metrics.duration / (time.perf_counter() - started)
+    return {**metrics.to_dict(), "real_time_factor": factor}
+
+
+def _lines(metrics: dict[str, Any]) -> Iterator[str]:
+    from rpud_sim.simulation.metrics import METRICS
 
     depth = {"depth": "m", "penetration_rate": "m/s"}
-    errors = figures.get("standard_error", {})
-    for name, unit in {"duration": "s", **FIGURES, **depth, "real_time_factor": ""}.items():
-        if name in figures:
+    errors = metrics.get("standard_error", {})
+    for name, unit in {"duration": "s", **METRICS, **depth, "real_time_factor": ""}.items():
+        if name in metrics:
             error = cell(errors.get(name), ".2g", "")
-            text = cell(figures[name], ".6g") + (error and f" +- {error}")
+            text = cell(metrics[name], ".6g") + (error and f" +- {error}")
             yield f"{name:24} {text} {unit}".rstrip()
 
 
@@ -226,13 +214,13 @@ def _live(options: Any, changes: PlannedChanges) -> int:
     from rpud_sim.ros.process import StopRequest
 
     fork = Fork(options.bag, options.at, changes, options.run, options.topic)
-    start = fork.start()
+    plan, settings = fork.live()
     namespace = options.namespace or fork.recorded.prefix.rstrip("/") or "/"
     with (
         StopRequest() as stop,
         logging_above(
             not options.quiet,
-            open_drill(start.settings.values(), namespace, options.duration, start=start),
+            open_drill(settings.values(), namespace, options.duration, plan=plan),
         ) as node,
     ):
         return drill(node, stop, "rpud fork", options.out, live=not options.quiet)

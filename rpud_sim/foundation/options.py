@@ -20,6 +20,7 @@ POSITIVE_SECONDS = Quantity("s", "a duration", 1e-9, LONGEST)  # times are whole
 SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
 BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
 DOMAIN = Quantity("", "a ROS domain", 0, 232, whole=True)
+SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 
 Value = TypeVar("Value")
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.bag import BagExistsError
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import BatchWriter, new_bag, new_manifest, reported
@@ -19,6 +18,7 @@ from rpud_sim.simulation.batch import Batch, rows_of
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import (
     Change,
+    ChangeError,
     Configure,
     Flush,
     PlannedChanges,
@@ -26,8 +26,8 @@ from rpud_sim.simulation.changes import (
     journal_form,
 )
 from rpud_sim.simulation.commands import COMMAND_NAMES
-from rpud_sim.simulation.configuration import PARAMETERS
-from rpud_sim.simulation.plan import Journal, Plan, Start
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import offered_topics
 
@@ -102,8 +102,8 @@ class Fork:
             },
         }
 
-    def start(self) -> Start:
-        """Return the start of a drill node at the instant.
+    def live(self) -> tuple[Plan, Settings]:
+        """Return the plan of a drill node that goes on live at the instant, and its settings.
 
         Recorded changes after it are not repeated, for others command a node. The ends of recorded
         faults, and the rest of the scenario, come by themselves.
@@ -118,9 +118,8 @@ class Fork:
         # The scenario is part of the beginning, and its file may be another one by now.
         of_node = {n: v for n, v in self._changes.parameters.items() if n in LIVE}
         fixed: dict[str, Any] = {"scenario": "", "autostart": True, **of_node}
-        if beginning.seed <= PARAMETERS["seed"].allowed.maximum:  # type: ignore[union-attr]
-            fixed["seed"] = beginning.seed
-        return Start(Plan(beginning, changes), self.time, settings.replace(fixed))
+        plan = Plan(beginning, changes, recorded=True, live_from=self.time)
+        return plan, settings.replace(fixed)
 
     def end(self, duration: float | None) -> int:
         """Return the simulation time at which it ends [ns]; without a duration, as recorded."""
@@ -167,25 +166,23 @@ class Fork:
     def run(self, warnings: list[str]) -> Run:
         """Return the recorded run up to the instant, not computed yet; refusals are warnings."""
 
-        def refuse(change: Change, error: Exception) -> None:
-            text = f"{change.place}{error}"
-            own = any(change is each for each in self._own)
-            if own and change.time == self.time and isinstance(error, ParameterError):
-                raise ParameterError(text) from error
+        def reject(change: Change, error: ChangeError) -> None:
+            if change.time == self.time and any(change is each for each in self._own):
+                raise error
             if change.time <= self.time or self._changes.empty:
-                raise RecordingError(f"{self.recorded.journal}: {text}") from error
-            warnings.append(f"refused at {change.time / SECOND:.9g} s: {text}")
+                raise RecordingError(f"{self.recorded.journal}: {error}") from error
+            warnings.append(f"refused at {change.time / SECOND:.9g} s: {error}")
 
-        plan = Plan(self.recorded.plan.beginning, self._before)
+        plan = replace(self.recorded.plan, changes=self._before)
         first = self.recorded.entries[0].entry
-        run = Run(plan, Journal(first.sequence), reports=True, refused=refuse)
-        run.simulation.record("begin", first.content)
+        run = Run(plan, Journal(first.sequence), reports=True, rejected=reject)
+        run.begin()
         return run
 
     def go_on(self, run: Run, end: int) -> Iterator[Batch]:
         """Plan how it goes on up to a simulation time [ns]; yield the messages at the instant."""
         if self._changes.replaces_commands:
-            run.watch()
+            run.take_over()
         run.schedule(*self.after(end))
         found = [*run.advance_to(run.time)]
         yield from found
@@ -231,9 +228,7 @@ def write_fork(
     settings = forked.settings
     offered = offered_topics(settings.values())
     topics = {name: topic for name, topic in offered.items() if not topic.live}
-    manifest = new_manifest(
-        {**settings.values(), "seed": forked.beginning.seed}, fork.scenario, fork.origin
-    )
+    manifest = new_manifest(settings.values(), fork.scenario, fork.origin)
     zero = max(0, forked.origin)
     instant = zero + fork.time
     with new_bag(out, fork.recorded.prefix, topics, manifest) as bag:

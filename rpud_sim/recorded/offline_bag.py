@@ -28,6 +28,7 @@ from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
@@ -42,19 +43,19 @@ def write_offline_bag(
     report: Callable[[float], object] = lambda seconds: None,
     topics: Collection[str] = tuple(TOPICS),
     manifest: Manifest | None = None,
+    on_block: Callable[[Block], object] = lambda block: None,
 ) -> None:
     """Simulate a run for a duration [s] and write a bag of it, whose clock is simulation time.
 
     The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
-    Its manifest is by default that of this program and machine.
+    Its manifest is by default that of this program and machine. ``on_block`` is as of ``Run``.
     """
     settings = plan.beginning.settings
     chosen = {n: topic for n, topic in kept_topics(settings.values()).items() if n in topics}
-    values = {**settings.values(), "seed": plan.beginning.seed}
-    manifest = manifest or new_manifest(values, scenario_text)
+    manifest = manifest or new_manifest(settings.values(), scenario_text)
     with new_bag(path, f"{NAMESPACE}/", chosen, manifest) as bag:
         writer = BatchWriter(bag, f"{NAMESPACE}/", chosen)
-        for batches in run_batches(plan, round(duration * SECOND), chosen, report):
+        for batches in run_batches(plan, round(duration * SECOND), chosen, report, on_block):
             writer.write(batches)
 
 
@@ -68,12 +69,14 @@ def run_batches(
     end: int,
     topics: Collection[str],
     report: Callable[[float], object] = lambda seconds: None,
+    on_block: Callable[[Block], object] = lambda block: None,
 ) -> Iterator[Iterable[Batch]]:
     """Yield all batches of a run that ends at a time [ns], each part in the order of writing."""
     # Its stamps are simulation time, also where a recorded run had other stamps.
     again = [change for change in plan.changes if not isinstance(change.action, SetOrigin)]
-    plan = Plan(plan.beginning, tuple(change for change in again if change.time < end))
-    run = Run(plan, Journal(), topics.__contains__, reports=True)
+    again = [change for change in again if change.time < end]
+    plan = replace(plan, changes=tuple(again))
+    run = Run(plan, Journal(), topics.__contains__, reports=True, on_block=on_block)
     run.begin(0)
     yield run.changes()
     yield run.reports()

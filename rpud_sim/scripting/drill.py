@@ -14,7 +14,7 @@ from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_y
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.changes import parameter_changes
+from rpud_sim.simulation.changes import Clear, Inject, parameter_changes
 from rpud_sim.simulation.commands import Command, Drive, DriveChange, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
@@ -69,9 +69,9 @@ class Drill:
         self._block: Block | None = None  # the latest one
         self._blocks: list[Block] = []  # of the latest step
         self._seen: tuple[int, int] = (-1, 0)
-        self._run = Run(Plan(beginning), self._journal, ().__contains__, on_block=self._keep)
+        self._run = Run(Plan(beginning), self._journal, wanted=None, on_block=self._keep)
         self._run.begin(0)
-        self._run.watch()
+        self._run.take_over()
 
     @property
     def time(self) -> float:
@@ -122,15 +122,15 @@ class Drill:
         """Advance, and return the simulation time that is reached [s]."""
         until = self._run.time + round(_STEP.check("step", seconds) * SECOND)
         self._blocks.clear()
-        for _ in self._run.advance_to(until):
-            pass
+        self._run.finish(until)
+        self._run.watch()
         return self.time
 
     def reset(self, seed: int | None = None) -> None:
         """Begin again at time zero, as at the start; None for the present seed."""
         parameters, config, faults = self._begun
-        present = self._run.beginning.seed
-        self._begin(beginning_of(parameters, config, present if seed is None else seed, faults))
+        seed = self._run.settings.seed_or_none if seed is None else seed
+        self._begin(beginning_of(parameters, config, seed, faults))
 
     # Commands: they act from now on.
 
@@ -142,8 +142,10 @@ class Drill:
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
         """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
-        present = self._run.simulation.applied.drive if enabled else Drive(False, 0.0, 0.0)
-        self._command(DriveChange(enabled, voltage, frequency).on(present))
+        if Flag("").check("drive enabled", enabled):
+            self._command(DriveChange(True, voltage, frequency))
+        else:
+            self._command(Drive(False, voltage or 0.0, frequency or 0.0))
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
@@ -182,27 +184,26 @@ class Drill:
         """
         size = math.nan if magnitude is None else magnitude
         length = 0 if duration is None else round(DURATION.check("duration", duration) * SECOND)
-        return self._run.simulation.inject(Fault(kind, channel, size), length)
+        return self._run.apply(Inject(Fault(kind, channel, size), length))[0]
 
     def clear(self, which: int | str = "all") -> list[int]:
         """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
-        simulation = self._run.simulation
-        active = {record.number: record.fault.kind for record in simulation.faults.active}
+        faults = self._run.simulation.faults.active
+        active = {record.number: record.fault.kind for record in faults}
         numbers = [n for n, kind in active.items() if which in ("all", n, kind)]
         if not numbers and which != "all":
             hint = did_you_mean(str(which), sorted({*active.values()})) if active else "none is"
             raise ParameterError(f"no fault {shown(which)} is active; {hint}")
         for number in numbers:
-            simulation.clear(number)
+            self._run.apply(Clear(number))
         return numbers
 
     def __repr__(self) -> str:
         return f"<Drill at {self.time:g} s, seed {self._run.beginning.seed}>"
 
-    def _command(self, command: Command) -> None:
-        self._run.settings.configuration.check(command)
-        self._run.control.apply(command)
-        self._run.control.act()
+    def _command(self, command: Command | DriveChange) -> None:
+        self._run.apply(command)
+        self._run.watch()
 
     def _keep(self, block: Block) -> None:
         self._block = block

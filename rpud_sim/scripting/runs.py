@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from base64 import b64encode
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from io import BytesIO
@@ -24,15 +25,15 @@ from rpud_sim.recorded.drill_tables import drill_table, rows_of, serialized
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.changes import Change, SetOrigin
+from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultError
+from rpud_sim.simulation.metrics import METRICS, Metrics
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample
-from rpud_sim.simulation.scenario_file import SEED, read_commands, read_scenario, scenario_at
-from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.simulation.scenario_file import read_commands, read_scenario, scenario_at
 from rpud_sim.simulation.topics import TOPICS
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def simulate(
 
     Args:
         config: ROS parameter file.
-        seed: of the initial phase, of the scenario and of noise; None for phase zero.
+        seed: of initial phase, scenario and noise; None for that of the file, or for phase zero.
         faults: a scenario file, kinds, or entries as a scenario file has them.
         commands: file of commands and faults at their times, as of ``rpud fork``.
         parameters: by their names, as ``weight_on_bit=20.0``; they go before those of the file.
@@ -104,13 +105,13 @@ def beginning_of(
     """Return the beginning of a run; arguments are those of ``simulate``."""
     values = read_parameter_file(_path("config", config)) if config is not None else {}
     values.update(parameters)
-    if seed is not None:
-        values["seed"] = SEED.check("seed", seed)
-    beginning = Beginning.drawn(to_settings(values))
+    if faults is not None:
+        values["scenario"] = ""  # they replace it
+    beginning = Beginning.drawn(to_settings(values), seed)
     if faults is None:
         return beginning
-    injected = _changes(faults, seed)
-    return Beginning(beginning.settings, beginning.initial_phase, beginning.seed, injected)
+    injected = _changes(faults, beginning.settings.seed_or_none)
+    return dataclasses.replace(beginning, faults=injected)
 
 
 def _changes(faults: Faults, seed: int | None) -> tuple[Change, ...]:
@@ -173,20 +174,9 @@ class DrillRun:
     @cached_property
     def figures(self) -> dict[str, Any]:
         """Figures of the run in SI units, named as ``rpud simulate --json`` names them."""
-        statistics = Statistics()
-        run = self._run(wanted=(), on_block=statistics.add)
-        for _ in run.advance_to(self._end):
-            pass
-        figures: dict[str, Any] = dict(statistics.figures())
-        if np.isfinite(run.simulation.depth):
-            figures["depth"] = run.simulation.depth
-            figures["penetration_rate"] = run.simulation.depth / statistics.duration
-        if statistics.account is not None:
-            figures["energy_account"] = statistics.account.to_dict()
-            if statistics.feed is not None:
-                work = statistics.account.weight_on_bit_work
-                figures["feed_account"] = statistics.feed.to_dict(work)
-        return figures
+        metrics = Metrics()
+        self._advance(metrics.add)
+        return metrics.to_dict()
 
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""
@@ -255,7 +245,7 @@ class DrillRun:
         return f"<DrillRun{bag}: {self.duration:g} s, seed {self.seed}>"
 
     def _repr_html_(self) -> str:
-        units = {"duration": "s", **FIGURES}
+        units = {"duration": "s", **METRICS}
         rows = "".join(
             f"<tr><td>{escape(name)}</td><td>{value:.6g} {escape(units[name])}</td></tr>"
             for name, value in self.figures.items()
@@ -267,12 +257,10 @@ class DrillRun:
             picture = escape(str(error))
         return f"{escape(repr(self))}<table>{rows}</table>{picture}"
 
-    def _run(self, wanted: Sequence[str], **options: Any) -> Run:
+    def _advance(self, on_block: Callable[[Block], object]) -> None:
+        """Compute the run to its end without messages."""
         compile_kernels(self.plan.beginning.settings.configuration)
-        run = Run(self.plan, None, wanted.__contains__, **options)
-        if not any(isinstance(change.action, SetOrigin) for change in self.plan.changes):
-            run.begin(0)
-        return run
+        Run(self.plan, wanted=None, on_block=on_block).finish(self._end)
 
     def _compute(self, topic: str) -> Columns:
         computed = run_batches(self.plan, self._end, (topic,))
@@ -300,9 +288,7 @@ class DrillRun:
             parts.append(block.segments)
             last[:] = [block.open_segment]
 
-        run = self._run((), on_block=keep)
-        for _ in run.advance_to(self._end):
-            pass
+        self._advance(keep)
         return join_records([*parts, *last], SEGMENT)
 
 

@@ -1,15 +1,17 @@
 """Simulation of the drill without ROS, for scripts.
 
-A ``Simulation`` is the drill alone: it advances to a time and returns a ``Block``. A ``Run`` adds
-the messages that the drill node publishes. ``run_ensemble`` computes the figures of whole runs.
-Times are integer nanoseconds of simulation time, other values are in SI units::
+A ``Plan`` is the beginning of a run and its changes. A ``Run`` carries it out: ``apply`` takes
+changes, ``advance_to`` yields the messages that the drill node publishes. ``run_ensemble`` computes
+the metrics of whole runs. Times are integer nanoseconds of simulation time, other values are in SI
+units::
 
-    from rpud_sim.simulation import Simulation, Times, WeightOnBit, preset
+    from rpud_sim.simulation import Beginning, Plan, Run, Settings, WeightOnBit
 
-    simulation = Simulation(preset("drilling"))
-    simulation.apply(WeightOnBit(20.0))
-    block = simulation.advance_to(1_000_000_000)
-    forces = block.sample(Times.from_grid(0, 50_000, 50_000)).contact_force
+    run = Run(Plan(Beginning(Settings())))
+    run.apply(WeightOnBit(20.0))
+    found = {}
+    for batch in run.advance_to(1_000_000_000):
+        found[batch.topic] = found.get(batch.topic, 0) + len(batch)
 
 Errors are a ``ParameterError``, or its subclass ``FaultError``, for unusable values, and an
 ``EngineError`` for a simulation that cannot go on. Other modules of this package are private: they
@@ -36,23 +38,21 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
-from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, run_ensemble
+from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, phases_of, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import CommandCounts
+from rpud_sim.simulation.metrics import METRICS, Metrics
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario_file import read_scenario
-from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, Statistics
 from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
 __all__ = [
-    "FIGURES",
     "KINDS",
+    "METRICS",
     "PARAMETERS",
     "TOPICS",
     "ActuatorParameters",
@@ -66,7 +66,6 @@ __all__ = [
     "CommandCounts",
     "Configuration",
     "Configure",
-    "Control",
     "DrillTopic",
     "Drive",
     "EnergyAccount",
@@ -82,6 +81,7 @@ __all__ = [
     "Journal",
     "JournalEntry",
     "Member",
+    "Metrics",
     "MountMotion",
     "MountParameters",
     "MountState",
@@ -93,12 +93,11 @@ __all__ = [
     "Run",
     "Samples",
     "Settings",
-    "Simulation",
-    "Statistics",
     "Times",
     "WeightOnBit",
     "compile_kernels",
     "initial_phases",
+    "phases_of",
     "preset",
     "preset_layer",
     "read_parameter_file",

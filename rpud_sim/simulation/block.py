@@ -57,6 +57,7 @@ class Block:
     # of rotation, feed and borehole at each end; none where there is nothing to step
     states: Sequence[ProcessState] = ()
     feeds: Sequence[FeedAccount] = ()  # account of feed and mount in each part; none without a feed
+    depth: float = math.nan  # of the hole at its end [m]; NaN without strata and a rock model
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -142,6 +143,7 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
         [reading for block in blocks for reading in block.readings],
         [state for block in blocks for state in block.states],
         [feed for block in blocks for feed in block.feeds],
+        last.depth,
     )
 
 

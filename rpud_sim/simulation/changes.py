@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, check_names
-from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.foundation.time import NEVER
 from rpud_sim.simulation.commands import (
     Command,
     Drive,
@@ -17,7 +17,7 @@ from rpud_sim.simulation.commands import (
     MountMotion,
     WeightOnBit,
 )
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
 from rpud_sim.simulation.faults import Fault
 
 
@@ -168,21 +168,6 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> P
     commands = [_COMMANDED[name](values[name]) for name in _COMMANDED if name in values]
     actions = [*([Configure(lasting)] if lasting else []), *commands]
     return PlannedChanges(tuple(Change(0, action) for action in actions))
-
-
-def check_commands(changes: Sequence[Change], configuration: Configuration) -> None:
-    """Check that a drill can take commands, one after the other, in the order of their times."""
-    drive = configuration.nominal_drive
-    for change in changes:
-        try:
-            action = change.action
-            command = action.on(drive) if isinstance(action, DriveChange) else action
-            if isinstance(command, Command):
-                configuration.check(command)
-            drive = command if isinstance(command, Drive) else drive
-        except ParameterError as error:
-            at = f"command at {change.time / SECOND:g} s"
-            raise ParameterError(f"{at}: {error}") from None
 
 
 def journal_form(action: Action) -> tuple[str, dict[str, Any]]:

@@ -14,7 +14,7 @@ from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.process import STIFFEST
 from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import RotationParameters
-from rpud_sim.foundation.options import NAMESPACE
+from rpud_sim.foundation.options import NAMESPACE, SEED
 from rpud_sim.foundation.quantities import (
     Declaration,
     Flag,
@@ -38,6 +38,8 @@ from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, Feed, Mo
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 _FRAME_PREFIX = re.compile(r"([A-Za-z][\w/-]*)?", re.ASCII)
+
+NO_SEED = -1  # in place of a seed: the initial phase is zero
 
 # A resonant vibration needs at least this modal mass, as a multiple of the free mass: blows would
 # turn a lighter one about, for which the model has no contact.
@@ -207,11 +209,11 @@ class Settings(ParameterGroup):
     )
     scenario: str = text("", "a path", "file of the faults that begin by themselves; none if empty")
     seed: int = number(
-        0,
+        NO_SEED,
         "",
-        "seed of initial vibration phase, scenario and noise; whole",
-        0.0,
-        2.0**32 - 1,
+        "seed of initial vibration phase, scenario and noise; whole; -1 for none: phase zero",
+        float(NO_SEED),
+        float(SEED.maximum),
         whole=True,
     )
 
@@ -232,6 +234,10 @@ class Settings(ParameterGroup):
                 f"block_duration = {self.block_duration:g} s is shorter than one period of "
                 f"telemetry_rate = {self.telemetry_rate} Hz"
             )
+
+    @property
+    def seed_or_none(self) -> int | None:
+        return None if self.seed == NO_SEED else self.seed
 
     def value(self, name: str) -> Any:
         return self.values()[name]

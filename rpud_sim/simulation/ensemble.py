@@ -1,4 +1,4 @@
-"""Ensembles of runs over initial vibration phases, as fast as the machine allows."""
+"""Ensembles of runs, such as over initial vibration phases, as fast as the machine allows."""
 
 from __future__ import annotations
 
@@ -9,26 +9,23 @@ import threading
 import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
-from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_reported
 from rpud_sim.model.elementary import CALLED_BY_PYTHON
 from rpud_sim.model.engine import Buffers, EngineError
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.simulation.changes import Change
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.configuration import Configuration, whole_configuration
-from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
+from rpud_sim.simulation.configuration import Configuration, Settings, whole_configuration
+from rpud_sim.simulation.metrics import Metrics, RecentEnergy, Values
+from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import Figures, RecentEnergy, Statistics
 
-# Simulated time between two reports of progress, and between two looks at Ctrl-C [ns]: a cache
-# holds the motion of a stretch.
-_STRETCH = 2 * SECOND
 _TASK = 10 * SECOND  # simulated time of a thread's task, at least [ns]
 
 
@@ -36,11 +33,8 @@ _TASK = 10 * SECOND  # simulated time of a thread's task, at least [ns]
 class Member:
     """Result of one member of an ensemble."""
 
-    figures: Figures  # of the whole run; empty if it failed
-    account: EnergyAccount | None = None  # of energy; None if it failed
+    metrics: Metrics  # of the whole run, or of the part before it failed
     failure: EngineError | None = None  # why it failed; None if it did not
-    feed: FeedAccount | None = None  # energies of feed and mount; None without a feed
-    rotation: RotorWork | None = None  # energies of the rotor; None without rotation
 
 
 class _StoppedError(Exception):
@@ -51,29 +45,32 @@ class _StoppedError(Exception):
 class Ensemble:
     """Runs of one drill from several initial phases."""
 
-    members: tuple[Member, ...]  # at least one; all have the same figures
+    members: tuple[Member, ...]  # at least one; all have the same metrics
     real_time_factor: float  # simulated seconds over wall seconds, over all members
 
-    def mean(self) -> Figures:
-        """Return the mean of each figure; None where no member has it."""
-        return {
-            name: float(np.mean(column)) if len(column) > 1 else next(iter(column), None)
-            for name, column in self._columns().items()
-        }
+    def mean(self) -> dict[str, Any]:
+        """Return the mean of ``Metrics.to_dict``; None where no member has a value."""
+        return _mean([member.metrics.to_dict() for member in self.members])
 
-    def standard_error(self) -> Figures:
+    def standard_error(self) -> Values:
         """Return the standard error of each mean; None for fewer than two members."""
-        return {
-            name: float(np.std(column, ddof=1)) / math.sqrt(len(column)) if column[1:] else None
-            for name, column in self._columns().items()
-            if name != "duration"
-        }
+        found: Values = {}
+        columns = [member.metrics.to_dict() for member in self.members]
+        for name, first in columns[0].items():
+            if name == "duration" or isinstance(first, dict):
+                continue
+            column = [each[name] for each in columns if each[name] is not None]
+            spread = float(np.std(column, ddof=1)) if column[1:] else None
+            found[name] = None if spread is None else spread / math.sqrt(len(column))
+        return found
 
-    def _columns(self) -> dict[str, list[float]]:
-        return {
-            name: [each for m in self.members if (each := m.figures[name]) is not None]
-            for name in self.members[0].figures
-        }
+
+def _mean(values: list[Any]) -> Any:
+    """Return the mean of numbers, or of dictionaries of them by name."""
+    if isinstance(values[0], dict):
+        return {name: _mean([each[name] for each in values]) for name in values[0]}
+    numbers = [value for value in values if value is not None]
+    return float(np.mean(numbers)) if len(numbers) > 1 else next(iter(numbers), None)
 
 
 def compile_kernels(
@@ -89,58 +86,58 @@ def compile_kernels(
     with compilation_reported(report):
         for function, arguments in CALLED_BY_PYTHON:
             function(*arguments)
-        simulation = Simulation(configuration)
-        block = simulation.advance_to(1000)
-        statistics = Statistics()
-        statistics.add(block)
-        statistics.figures()
-        block.sample(Times.from_nanoseconds(0))
-        if not simulation.configuration.has_feed:  # whose steps change the weight on bit
-            simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
-        simulation.advance_to(2000)  # the engine gets changes when time goes on
+        metrics = Metrics()
+
+        def add(block: Block) -> None:
+            metrics.add(block)
+            block.sample(Times.from_nanoseconds(block.start))
+
+        settings = Settings(whole_configuration(configuration))
+        run = Run(Plan(Beginning(settings)), wanted=None, on_block=add)
+        run.finish(1000)
+        metrics.values()
+        if not settings.configuration.has_feed:  # whose steps change the weight on bit
+            run.apply(WeightOnBit(0.5 * run.simulation.applied.weight_on_bit.force + 1.0))
+        run.finish(2000)  # the engine gets changes when time goes on
         if messages:
             energy = RecentEnergy()
-            energy.add(simulation.advance_through(np.array([3000, 4000])))
+            energy.add(run.simulation.advance_through(np.array([3000, 4000])))
             energy.powers()
 
 
 def run_members(
-    configuration: Configuration | Parameters,
+    plans: Sequence[Plan],
     duration: float,
-    phases: Sequence[float],
     report: Callable[[float], object] = lambda simulated: None,
-    planned: Sequence[Change] = (),
     threads: int = 1,
 ) -> Generator[Member, None, None]:
-    """Yield the result of one simulation per initial phase [cycles], failed ones as well.
+    """Yield the result of one run per plan, failed ones as well; each lasts a duration [s].
 
-    Each lasts a duration [s], with the ``planned`` commands and faults. ``report`` is called now
-    and then with the simulated seconds since the last call, in any thread. The compiled code needs
-    no GIL, so members run on ``threads``.
+    ``report`` is called now and then with the simulated seconds since the last call, in any
+    thread. The compiled code needs no GIL, so members run on ``threads``. A change that cannot be
+    carried out raises a ChangeError.
     """
-    configuration = whole_configuration(configuration)
     end = round(duration * SECOND)
     size = max(_TASK // max(end, 1), 1)
-    batches = [phases[i : i + size] for i in range(0, len(phases), size)]
+    tasks = [plans[i : i + size] for i in range(0, len(plans), size)]
     lock, stopped, buffers = threading.Lock(), threading.Event(), Buffers()
 
-    def tell(simulated: float) -> None:
+    def advanced(simulated: float) -> None:
         if stopped.is_set():
             raise _StoppedError
         with lock:
             report(simulated)
 
-    def run(batch: Sequence[float]) -> list[Member]:
-        runs = (Simulation(configuration, phase, planned, None, buffers) for phase in batch)
-        return [_run(each, end, tell) for each in runs]
+    def run(task: Sequence[Plan]) -> list[Member]:
+        return [_run(plan, end, buffers, advanced) for plan in task]
 
-    if threads == 1 or len(batches) == 1:
-        for batch in batches:
-            yield from run(batch)
+    if threads == 1 or len(tasks) == 1:
+        for task in tasks:
+            yield from run(task)
         return
     with ThreadPoolExecutor(threads) as pool:
         try:
-            for future in [pool.submit(run, batch) for batch in batches]:
+            for future in [pool.submit(run, task) for task in tasks]:
                 yield from future.result()
         finally:
             # Or the pool would finish all other members, after a failure or Ctrl-C, before it ends.
@@ -148,45 +145,31 @@ def run_members(
             pool.shutdown(cancel_futures=True)
 
 
-def _run(
-    simulation: Simulation,
-    end: int,
-    report: Callable[[float], object],
-) -> Member:
-    """Run a member stretch by stretch."""
-    statistics = Statistics()
+def _run(plan: Plan, end: int, buffers: Buffers, report: Callable[[float], object]) -> Member:
+    metrics = Metrics()
+
+    def add(block: Block) -> None:
+        metrics.add(block)
+        report((block.end - block.start) / SECOND)
+
     try:
-        for begin in range(0, end, _STRETCH):
-            time = min(begin + _STRETCH, end)
-            statistics.add(simulation.advance_to(time))
-            report((time - begin) / SECOND)
+        Run(plan, wanted=None, on_block=add, buffers=buffers).finish(end)
     except EngineError as error:
-        return Member({}, failure=error)
-    figures = statistics.figures()
-    if math.isfinite(simulation.depth):
-        figures["depth"] = simulation.depth
-        figures["penetration_rate"] = simulation.depth / statistics.duration
-    return Member(figures, statistics.account, feed=statistics.feed, rotation=statistics.rotation)
+        return Member(metrics, error)
+    return Member(metrics)
 
 
 def run_ensemble(
-    configuration: Configuration | Parameters,
+    plans: Sequence[Plan],
     duration: float,
-    phases: Sequence[float],
     report: Callable[[float], object] = lambda simulated: None,
-    planned: Sequence[Change] = (),
     threads: int = 1,
 ) -> Ensemble:
-    """Run one simulation per initial phase; arguments as for ``run_members``.
-
-    With a rock model the figures have the depth at the end [m] and the mean penetration rate [m/s].
-    """
-    configuration = whole_configuration(configuration)
-    compile_kernels(configuration)
+    """Run plans of one configuration; arguments as for ``run_members``. A failure is raised."""
+    compile_kernels(plans[0].beginning.settings.configuration)
     started = time.perf_counter()
-    found = run_members(configuration, duration, phases, report, planned, threads)
     members: list[Member] = []
-    with contextlib.closing(found):
+    with contextlib.closing(run_members(plans, duration, report, threads)) as found:
         for member in found:
             if member.failure is not None:
                 raise member.failure
@@ -194,3 +177,15 @@ def run_ensemble(
     wall = time.perf_counter() - started
     simulated = round(duration * SECOND) / SECOND * len(members)
     return Ensemble(tuple(members), simulated / wall if wall > 0.0 else math.inf)
+
+
+def phases_of(plan: Plan, repeat: int) -> tuple[Plan, ...]:
+    """Return the plans of an ensemble: one from other initial phases, drawn with its seed."""
+    beginning = plan.beginning
+    if repeat == 1:
+        return (plan,)
+    phases = initial_phases(repeat, beginning.settings.seed_or_none)
+    return tuple(
+        dataclasses.replace(plan, beginning=dataclasses.replace(beginning, initial_phase=phase))
+        for phase in phases
+    )

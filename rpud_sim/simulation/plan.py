@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.json_text import json_text
+from rpud_sim.foundation.options import SEED
+from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of, whole_time
 from rpud_sim.simulation.commands import COMMAND_NAMES
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.scenario_file import SEED, scenario_of
+from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.simulation.versions import ENGINE, engine_versions
 
 
@@ -62,6 +64,9 @@ class Journal:
         return entries
 
 
+# Scenario files had larger seeds.
+_KEPT_SEED = Quantity("", "a seed", 0.0, 2.0**63, below=True, whole=True)
+
 _COMMANDS = tuple(COMMAND_NAMES.values())
 
 
@@ -81,7 +86,7 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
     """Return an ensemble's phases [cycles]: drawn with the seed; zero for one run without."""
     if seed is None and repeat == 1:
         return (0.0,)
-    return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
+    return tuple(np.random.default_rng(seed or 0).random(repeat).tolist())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,16 +95,24 @@ class Beginning:
 
     settings: Settings  # all parameters
     initial_phase: float = 0.0  # phase of the vibration at time zero [cycles]
-    seed: int = 0  # of random numbers of faulty signals
+    seed: int = 0  # of the noise of faulty signals
     # faults that begin by themselves, with all values drawn, in the order of their times
     faults: tuple[Change, ...] = ()
 
     @staticmethod
     def drawn(settings: Settings, seed: int | None = None) -> Beginning:
-        """Return the beginning that a seed draws; None for the seed of the settings."""
-        seed = settings.seed if seed is None else seed
-        [phase] = initial_phases(1, seed or None)
-        return Beginning(settings, phase, seed, scenario_of(settings, seed))
+        """Return the beginning that a seed draws: a given one, else that of the settings, or none.
+
+        It draws the initial phase, the values of the scenario and the noise of faulty signals.
+        Without one the phase is zero, the scenario has its own, and the noise is that of seed 0.
+        """
+        seed = settings.seed_or_none if seed is None else seed
+        if seed is not None:
+            seed = int(SEED.check("seed", seed))
+            settings = dataclasses.replace(settings, seed=seed)
+        [phase] = initial_phases(1, seed)
+        faults = read_scenario(settings.scenario, seed) if settings.scenario else ()
+        return Beginning(settings, phase, seed or 0, faults)
 
     def to_journal(self) -> dict[str, Any]:
         """Return the content of a journal's entry ``begin``."""
@@ -128,7 +141,7 @@ class Beginning:
         return Beginning(
             to_settings(content["parameters"]),
             float(content["initial_phase"]),
-            int(SEED.check("seed", content["seed"])),
+            int(_KEPT_SEED.check("seed", content["seed"])),
             tuple(faults),
         )
 
@@ -146,6 +159,9 @@ class Plan:
 
     beginning: Beginning
     changes: tuple[Change, ...] = ()  # in the order of their times
+    recorded: bool = False  # whether they took effect before, as in a journal
+    # simulation time up to which a drill node computes it, before it goes on live [ns]
+    live_from: int = 0
 
     @staticmethod
     def of(entries: Iterable[JournalEntry]) -> Plan:
@@ -171,13 +187,4 @@ class Plan:
                 raise ChangeError(f"{place}{in_words(error)}") from error
         if beginning is None:
             raise ChangeError("nothing has begun")
-        return Plan(beginning, tuple(changes))
-
-
-@dataclasses.dataclass(frozen=True)
-class Start:
-    """Start of a drill at an instant of a plan, in place of time zero."""
-
-    plan: Plan  # that is computed up to the instant, and has what comes by itself after it
-    time: int  # instant, in simulation time [ns]
-    settings: Settings  # of the node
+        return Plan(beginning, tuple(changes), recorded=True)

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.options import SEED
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, shown
 from rpud_sim.foundation.schema import as_it_is, here, key, list_of, one_of, read
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, in_order
 from rpud_sim.simulation.commands import Drive, DriveChange, Feed, MountMotion, WeightOnBit
-from rpud_sim.simulation.configuration import Settings, parse_assignment
+from rpud_sim.simulation.configuration import parse_assignment
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
 
-SEED = Quantity("", "seed of the values that are drawn", 0.0, 2.0**63, below=True, whole=True)
 ONSET = Quantity("s", "simulation time at which a fault begins", 0.0, 1e6)
 DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
 
@@ -140,13 +140,6 @@ class _ScenarioFile:
 class _CommandFile(_ScenarioFile):
     faults: tuple[Cursor, ...] = key(list_of(here), ())
     commands: tuple[Change, ...] | None = key(parse_commands, None)
-
-
-def scenario_of(settings: Settings, seed: int | None = None) -> tuple[Change, ...]:
-    """Read the scenario of settings; a seed, theirs if it is zero, takes the place of its own."""
-    if not settings.scenario:
-        return ()
-    return read_scenario(settings.scenario, seed or settings.seed or None)
 
 
 def read_scenario(path: str | Path, seed: int | None = None) -> tuple[Change, ...]:

@@ -10,8 +10,9 @@ from browser_screens import page_with_share
 
 from rpud_sim.foundation.shown_quantities import for_browser
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation import Simulation, preset
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import Times, sample
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.viewer.frames import encode
 from rpud_sim.viewer.recorded import CHANNELS
 

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.ros.drill.health import Report
+from rpud_sim.simulation.changes import Clear, Inject
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import CommandCounts
+from rpud_sim.simulation.metrics import Metrics
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import Statistics
 
 MILLISECOND = 1_000_000
 
@@ -36,7 +37,7 @@ class Drill:
     """A run and the report of what it did since the report before."""
 
     def __init__(self, **parameters):
-        self.statistics = Statistics()
+        self.statistics = Metrics()
         beginning = Beginning(Settings(to_configuration(parameters)))
         self.run = Run(Plan(beginning), on_block=self._add)
         self.simulation = self.run.simulation
@@ -47,13 +48,13 @@ class Drill:
     def report(
         self, until=100 * MILLISECOND, state="running", requests=0, refusal="", timing=(), **counts
     ):
-        self.statistics = Statistics()
+        self.statistics = Metrics()
         list(self.run.advance_to(until))
         return Report(
             time=self.run.time,
             status=self.run.status(state, CommandCounts(**counts)).fields,
             timing={**TIMING, **dict(timing)},
-            figures=self.statistics.figures(),
+            figures=self.statistics.values(),
             process=self.simulation.process,
             faults=self.simulation.faults.active,
             requests_refused=requests,
@@ -85,7 +86,7 @@ def test_it_shows_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
 def test_a_jammed_drill_is_jammed_and_one_without_drive_has_no_impacts():
     drill = Drill()
     drill.report()
-    drill.simulation.inject(Fault("free_mass_jammed"))
+    drill.run.apply(Inject(Fault("free_mass_jammed")))
     drill.report(200 * MILLISECOND)  # the free mass strikes once more, and stays
     text = live_text(drill.report(300 * MILLISECOND))
     assert "  jammed  " in text
@@ -100,8 +101,8 @@ def test_a_jammed_drill_is_jammed_and_one_without_drive_has_no_impacts():
 def test_in_80_columns_all_that_matters_is_there():
     drill = Drill(rock_model="specific_energy")
     for fault in (Fault("hard_rock"), Fault("lost_preload"), Fault("off", "wrench")):
-        drill.simulation.inject(fault)
-    drill.simulation.apply(WeightOnBit(123.4))
+        drill.run.apply(Inject(fault))
+    drill.run.apply(WeightOnBit(123.4))
     refused = {"commands_rejected": 122, "requests": 1}
     late = drill.report(**refused, timing={"messages_dropped": 4})
     long = live_text(late._replace(status={**late.status, "commands_lost": True}))
@@ -118,7 +119,7 @@ ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "strata": "sands
 
 def test_models_around_the_percussion_are_told_where_they_are_on():
     drill = Drill(**ARM, initial_feed=0.006)
-    drill.simulation.apply(Feed("rate", 1e-3))
+    drill.run.apply(Feed("rate", 1e-3))
     report = drill.report()
     text = live_text(report)
     assert "  feed 6.1 mm, 1 mm/s  " in text
@@ -189,12 +190,12 @@ def test_elsewhere_it_is_a_line_for_each_second_in_which_the_drill_moves(monkeyp
 
 def test_the_summary_has_faults_depth_and_the_last_refusal(healthy):
     drill = Drill(rock_model="specific_energy")
-    number = drill.simulation.inject(Fault("hard_rock"))
+    [number] = drill.run.apply(Inject(Fault("hard_rock")))
     report = drill.report(
         commands_rejected=1, requests=2, refusal="there is no fault 9\x1b to clear"
     )
-    drill.simulation.clear(number)
-    drill.simulation.inject(Fault("off", "wrench"))
+    drill.run.apply(Clear(number))
+    drill.run.apply(Inject(Fault("off", "wrench")))
     text = summary_text(report.figures, report, drill.simulation.faults.records)
     assert text.splitlines()[0].startswith("drilled 0.10 s: ")
     assert "0 commands accepted, 1 refused, 0 messages dropped" in text

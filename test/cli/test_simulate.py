@@ -9,8 +9,8 @@ from support import called
 
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation import preset
+from rpud_sim.simulation.metrics import METRICS, Metrics
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 CONTRACT = {
     "duration",
@@ -58,9 +58,9 @@ def test_json_has_the_contract_s_figures(figures, regime):
     assert found["regime"] == regime
     assert "standard_error" not in found  # of a single run
     assert found["contact_force_max"] >= found["contact_force_mean"]
-    statistics = Statistics()
+    statistics = Metrics()
     statistics.add(Simulation(preset(regime)).advance_to(2_000_000_000))
-    assert found.items() >= statistics.figures().items()
+    assert found.items() >= statistics.values().items()
 
 
 def test_an_ensemble_has_a_standard_error_for_each_figure(figures):
@@ -68,8 +68,8 @@ def test_an_ensemble_has_a_standard_error_for_each_figure(figures):
     assert found["repeat"] == 8
     assert found["seed"] == 1
     errors = found["standard_error"]
-    assert set(FIGURES) <= errors.keys()
-    for name in FIGURES:
+    assert set(METRICS) <= errors.keys()
+    for name in METRICS:
         assert 0.0 < errors[name] <= found[name], name
 
 
@@ -144,12 +144,12 @@ def test_a_drill_beyond_its_event_budget_ends_with_one_line(simulate, several):
 
 @pytest.mark.parametrize("words", [(), ("--json",)])
 def test_a_figure_that_is_not_finite_is_an_error_with_its_name(simulate, monkeypatch, words):
-    figures = Statistics.figures
+    values = Metrics.values
 
-    def broken(statistics):
-        return {**figures(statistics), "contact_force_max": math.nan}
+    def broken(metrics):
+        return {**values(metrics), "contact_force_max": math.nan}
 
-    monkeypatch.setattr(Statistics, "figures", broken)
+    monkeypatch.setattr(Metrics, "values", broken)
     code, output, errors = simulate("--duration", 0.1, *words)
     assert (code, output) == (1, "")
     assert errors == "rpud simulate: contact_force_max = nan is not a finite number\n"

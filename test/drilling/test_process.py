@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from silent_drill import SilentDrill
 from support import refusal
 
 from rpud_sim.drilling.process import STIFFEST, Process, parts_of
-from rpud_sim.simulation import Simulation, to_configuration
+from rpud_sim.simulation import to_configuration
 from rpud_sim.simulation.configuration import to_settings
 
 MILLISECOND = 1_000_000
@@ -31,17 +32,17 @@ def steps(simulation, end):
 
 
 def test_the_default_arm_has_steps_of_a_millisecond_and_a_stiff_one_of_an_eighth():
-    assert steps(Simulation(to_configuration(ARM)), 3) == [MILLISECOND] * 3
-    assert steps(Simulation(to_configuration(STIFF)), 1) == [MILLISECOND // 8] * 8
+    assert steps(SilentDrill(to_configuration(ARM)), 3) == [MILLISECOND] * 3
+    assert steps(SilentDrill(to_configuration(STIFF)), 1) == [MILLISECOND // 8] * 8
     # Without an arm nothing depends on the load spring.
     alone = {"strata": "sandstone", "load_spring_rate": 1e5}
-    assert steps(Simulation(to_configuration(alone)), 2) == [MILLISECOND] * 2
+    assert steps(SilentDrill(to_configuration(alone)), 2) == [MILLISECOND] * 2
 
 
 @pytest.mark.parametrize("stops", [(), (1_100_000, 1_130_000), (1_125_000, 1_999_999, 2_000_000)])
 def test_steps_follow_a_change_of_the_load_spring_wherever_a_caller_stops(stops):
     settings = to_settings(ARM)
-    simulation = Simulation(settings.configuration, 0.2)
+    simulation = SilentDrill(settings.configuration, 0.2)
     ends = sorted({*stops, 1_050_000, 2_050_000, 4_000_000})
     for end in ends:
         simulation.advance_to(end)
@@ -49,7 +50,7 @@ def test_steps_follow_a_change_of_the_load_spring_wherever_a_caller_stops(stops)
             simulation.configure(settings.replace({"load_spring_rate": 2e4}).configuration)
         if end == 2_050_000:
             simulation.configure(settings.configuration)
-    whole = Simulation(settings.configuration, 0.2)
+    whole = SilentDrill(settings.configuration, 0.2)
     whole.advance_to(1_050_000)
     whole.configure(settings.replace({"load_spring_rate": 2e4}).configuration)
     whole.advance_to(2_050_000)
@@ -74,4 +75,4 @@ def test_a_load_spring_that_is_too_stiff_for_an_arm_is_refused_at_any_time():
 
 def test_a_longer_interval_is_divided_as_well(monkeypatch):
     monkeypatch.setattr(Process, "interval", 4 * MILLISECOND)
-    assert steps(Simulation(to_configuration(STIFF)), 1) == [MILLISECOND // 2] * 2
+    assert steps(SilentDrill(to_configuration(STIFF)), 1) == [MILLISECOND // 2] * 2

@@ -9,8 +9,9 @@ import itertools
 from pathlib import Path
 
 import numpy as np
+from silent_drill import SilentDrill
 
-from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
+from rpud_sim.simulation import Fault, Feed, to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS, _arm, _hole, _rotation
 
 DOCUMENTATION = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"
@@ -59,7 +60,7 @@ def started(phase):
 
 @functools.cache
 def _started(phase):
-    simulation = Simulation(DRILL, phase)
+    simulation = SilentDrill(DRILL, phase)
     simulation.apply(FEED)
     simulation.advance_to(round(START * SECOND))
     return simulation

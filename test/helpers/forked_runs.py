@@ -11,7 +11,7 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.metadata import MANIFEST_RECORD, manifest_from_record
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation.batch import rows_of
-from rpud_sim.simulation.changes import Clear, Configure, Inject
+from rpud_sim.simulation.changes import Clear, Configure, Inject, SetOrigin
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
@@ -72,7 +72,7 @@ class Used:
     """Bag of a drill to which everything happened, and all that it published."""
 
     def __init__(self, path, values):
-        random = np.random.default_rng(1)
+        random = np.random.default_rng(3)
         self.path = path
         self.published = write_used(path, values, lambda number: random.random() < 0.1)
 
@@ -92,33 +92,35 @@ def use(values):
         end = run.time + round(milliseconds * MILLISECOND)
         while run.time < end:
             yield from run.advance_to(min(run.next_boundary, end))
-            run.control.act()
+            run.watch()
 
     def first():
         run.begin(START)
+        run.take_over()
         yield from advance(33.3)
-        run.control.apply(WeightOnBit(25.0))
+        run.apply(WeightOnBit(25.0))
         yield from advance(20)
         run.apply(Inject(Fault("bias", "nodal_plane", 1e-5), 30 * MILLISECOND))
         yield from run.changes()
         run.apply(Inject(Fault("stuck", "reacting_force")))
-        run.control.apply(Drive(True, 80.0, 16_050.0))
+        run.apply(Drive(True, 80.0, 16_050.0))
         yield from advance(7.7777)
         run.apply(Clear(run.simulation.faults.active[0].number))
-        run.control.activate(False)
+        run.activate(False)
         yield from advance(9)
-        run.control.activate(True)
+        run.activate(True)
         yield from advance(70)  # the commands are lost, and go down to nothing
         run.apply(Configure({"actuator_restitution": 0.8, "regime": "free"}))
         yield from run.flush()
-        run.set_origin(START + 7)  # a reset of the time alone
+        run.apply(SetOrigin(START + 7))  # a reset of the time alone
         yield from advance(31.4)
         yield from run.flush()
 
     def second():
         run.begin(START + SECOND)
+        run.take_over()
         yield from advance(41)
-        run.control.apply(WeightOnBit(5.0))
+        run.apply(WeightOnBit(5.0))
         yield from advance(30)
         yield from run.flush(ends=True)
 

@@ -4,12 +4,13 @@ The argument shortens all drills by this factor. With `--keep` in its place, the
 those of the engine version, in `data/bits.json`.
 """
 
-import dataclasses
 import hashlib
 import json
 import sys
 import tempfile
 from pathlib import Path
+
+from silent_drill import plans_of
 
 import rpud_sim.bag
 from rpud_sim.recorded.offline_bag import write_offline_bag
@@ -119,8 +120,8 @@ def all_digests(shorter: float, folder: Path) -> dict[str, dict[str, str]]:
         write_offline_bag(folder / name, Plan(beginning(name), commands(name)), duration)
         found[name] = digests(folder / name)
         configuration = to_settings(DRILLS[name][0]).configuration
-        members = run_members(configuration, duration, initial_phases(2, 1))
-        figures = json.dumps([dataclasses.astuple(member) for member in members])
+        members = run_members(plans_of(configuration, initial_phases(2, 1)), duration)
+        figures = json.dumps([member.metrics.to_dict() for member in members])
         found[name]["figures"] = hashlib.sha256(figures.encode()).hexdigest()[:16]
     return found
 

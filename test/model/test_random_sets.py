@@ -14,7 +14,8 @@ import pytest
 from rpud_sim.foundation.quantities import Choice, Flag, declarations
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.simulation import EngineError, Simulation
+from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.simulation import Simulation
 
 SETS = int(os.environ.get("RPUD_SETS", "24"))
 SEED = int(os.environ.get("RPUD_SEED", "1"))

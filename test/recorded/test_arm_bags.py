@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from forked_runs import ARM, MILLISECOND, held
+from silent_drill import plans_of
 
 import rpud_sim.bag
 from rpud_sim.recorded.fork import write_fork
@@ -77,9 +78,9 @@ def test_the_figures_are_those_of_the_run_in_the_bag():
     run = Run(PLANS["arm"])
     list(run.advance_to(400 * MILLISECOND))
     configuration = PLANS["arm"].beginning.settings.configuration
-    [member] = run_ensemble(configuration, 0.4, [0.3], planned=FEEDS).members
-    assert member.figures["depth"] == run.simulation.depth
-    assert abs(member.feed.residual(member.account.weight_on_bit_work)) < 1e-12
+    [member] = run_ensemble(plans_of(configuration, [0.3], FEEDS), 0.4).members
+    assert member.metrics.to_dict()["depth"] == run.simulation.depth
+    assert abs(member.metrics.feed.residual(member.metrics.account.weight_on_bit_work)) < 1e-12
 
 
 @pytest.mark.parametrize("at", [0.0567, 0.3])

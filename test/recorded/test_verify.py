@@ -359,8 +359,8 @@ def commanded_bag(path, step, count, *, deferred):
         writer.write(run.changes())
         for number in range(1, count + 1):
             writer.write(run.advance_to(number * step, waiting.append if deferred else None))
-            run.control.apply(WeightOnBit(random.uniform(0.0, 30.0)))
-            run.control.act()
+            run.apply(WeightOnBit(random.uniform(0.0, 30.0)))
+            run.watch()
             writer.write(run.changes())
             writer.write(batch for stream in waiting for batch in stream if batch is not None)
             waiting.clear()

@@ -10,6 +10,7 @@ import pytest
 from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
+from silent_drill import SilentDrill
 from support import refusal
 
 from rpud_sim.foundation.time import NEVER
@@ -23,7 +24,6 @@ from rpud_sim.simulation.actuator import (
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.configuration import LEAST_MASS_RATIO, Configuration
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -78,7 +78,7 @@ def test_a_vibration_too_light_for_the_free_mass_is_refused():
 
 
 def test_heat_lowers_the_resonance_and_with_it_amplitude_and_power():
-    simulation = Simulation(Configuration(LIGHT, HEATING))
+    simulation = SilentDrill(Configuration(LIGHT, HEATING))
     simulation.advance_to(10 * SECOND)
     now = simulation.actuator
     rise = now.temperature - HEATING.ambient_temperature
@@ -90,7 +90,7 @@ def test_heat_lowers_the_resonance_and_with_it_amplitude_and_power():
 
 
 def test_a_tracking_generator_finds_a_resonance_and_loses_it_by_a_fault():
-    simulation = Simulation(Configuration(LIGHT, TRACKING))
+    simulation = SilentDrill(Configuration(LIGHT, TRACKING))
     simulation.inject(Fault("resonance_drift", "", -100.0))
     simulation.advance_to(SECOND)
     assert simulation.actuator.frequency == pytest.approx(15_900.0, abs=3.0)

@@ -14,10 +14,10 @@ from rpud_sim.simulation.changes import (
     parameter_changes,
 )
 from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.plan import Beginning, Plan
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario_file import parse_injections, read_commands
-from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -26,48 +26,51 @@ OFF = Drive(False, 0.0, 0.0)
 
 
 def made(timeout=0.0, ramp=0.5, active=True, **options):
-    simulation = Simulation(Configuration(Parameters(weight_on_bit=10.0), **options))
-    control = Control(simulation, timeout, ramp, active)
-    control.act()
-    return simulation, control
+    drill = Configuration(Parameters(weight_on_bit=10.0), **options)
+    settings = Settings(drill, command_timeout=timeout, command_loss_ramp=ramp)
+    run = Run(Plan(Beginning(settings)), wanted=None, active=active)
+    run.begin()
+    run.take_over()
+    run.activate(active)
+    return run
 
 
-def acting(simulation):
-    drive = simulation.applied.drive
-    return simulation.applied.weight_on_bit.force, drive.voltage if drive.enabled else 0.0
+def acting(run):
+    applied = run.run.simulation.applied
+    return applied.weight_on_bit.force, applied.drive.voltage if applied.drive.enabled else 0.0
 
 
-def acts_at(simulation, control, time):
-    """Advance, and apply what is due; give whether the loss changed, and what acts."""
-    simulation.advance_to(time)
-    return control.act(), acting(simulation)
+def acts_at(run, time):
+    """Advance, and let what is due act; give whether commands are lost, and what acts."""
+    run.finish(time)
+    run.watch()
+    return run.commands_lost, acting(run)
 
 
 def test_lost_commands_ramp_down_are_reported_once_and_come_back_whole():
-    simulation, control = made(timeout=0.1, ramp=0.2)
-    found = [acts_at(simulation, control, ms * MILLISECOND) for ms in (100, 150, 200, 300)]
+    run = made(timeout=0.1, ramp=0.2)
+    found = [acts_at(run, ms * MILLISECOND) for ms in (100, 150, 200, 300)]
     assert found == [
         (False, (10.0, 100.0)),
         (True, (7.5, 75.0)),
-        (False, (5.0, 50.0)),
-        (False, (0.0, 0.0)),
+        (True, (5.0, 50.0)),
+        (True, (0.0, 0.0)),
     ]
-    assert control.commands_lost
     # A weight on bit alone shows that there is a commander, and so the drive comes back as well.
-    control.apply(WeightOnBit(20.0))
-    assert control.act()
-    assert not control.commands_lost
-    assert acting(simulation) == (20.0, 100.0)
-    assert simulation.applied.drive == NOMINAL
+    run.apply(WeightOnBit(20.0))
+    assert run.watch()
+    assert not run.commands_lost
+    assert acting(run) == (20.0, 100.0)
+    assert run.simulation.applied.drive == NOMINAL
 
 
 def test_the_watchdog_does_not_wait_while_inactive():
-    simulation, control = made(timeout=0.1, ramp=0.1, active=False)
-    assert acts_at(simulation, control, SECOND) == (False, (0.0, 0.0))
-    control.activate(True)
-    assert not control.act()
-    assert acting(simulation) == (10.0, 100.0)
-    assert acts_at(simulation, control, SECOND + 150 * MILLISECOND) == (True, (5.0, 50.0))
+    run = made(timeout=0.1, ramp=0.1, active=False)
+    assert acts_at(run, SECOND) == (False, (0.0, 0.0))
+    run.activate(True)
+    assert not run.watch()
+    assert acting(run) == (10.0, 100.0)
+    assert acts_at(run, SECOND + 150 * MILLISECOND) == (True, (5.0, 50.0))
 
 
 commands = st.one_of(
@@ -80,31 +83,31 @@ commands = st.one_of(
 @settings(max_examples=examples(50))
 @given(st.lists(st.one_of(commands, st.booleans(), st.integers(1, 400)), min_size=1, max_size=20))
 def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events):
-    simulation, control = made(timeout=0.05, ramp=0.1)
-    weight_on_bit, drive = simulation.applied.weight_on_bit, simulation.applied.drive
+    run = made(timeout=0.05, ramp=0.1)
+    weight_on_bit, drive = run.simulation.applied.weight_on_bit, run.simulation.applied.drive
     for event in events:
         if isinstance(event, bool):
-            if event and not control.active:
+            if event and not run.active:
                 weight_on_bit, drive = WeightOnBit(10.0), NOMINAL
-            control.activate(event)
+            run.activate(event)
         elif isinstance(event, int):
-            simulation.advance_to(simulation.time + event * MILLISECOND)
+            run.finish(run.time + event * MILLISECOND)
         else:
-            control.apply(event)
-            if control.active and isinstance(event, WeightOnBit):
+            run.apply(event)
+            if run.active and isinstance(event, WeightOnBit):
                 weight_on_bit = event
-            elif control.active:
+            elif run.active:
                 drive = event.after(drive)
-        control.act()
-        found, given_now = acting(simulation), (weight_on_bit.force, drive.voltage * drive.enabled)
-        if not control.active:
+        run.watch()
+        found, given_now = acting(run), (weight_on_bit.force, drive.voltage * drive.enabled)
+        if not run.active:
             assert found == (0.0, 0.0)
-        elif control.commands_lost:
+        elif run.commands_lost:
             assert found[0] <= given_now[0]
             assert found[1] <= given_now[1]
         else:
             assert found == given_now
-            assert simulation.applied.drive.enabled == drive.enabled
+            assert run.simulation.applied.drive.enabled == drive.enabled
 
 
 @pytest.mark.parametrize("enabled", [True, False])

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from direct_drill import APART, STRIKE, arm_forces, resonant_figures
 from scipy.stats import t
+from silent_drill import SilentDrill, plans_of
 
 from rpud_sim.drilling.process import STIFFEST, Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
-from rpud_sim.simulation import Simulation, plant, to_configuration
+from rpud_sim.simulation import plant, to_configuration
 from rpud_sim.simulation.commands import DriveChange
 from rpud_sim.simulation.ensemble import run_members
 
@@ -44,7 +45,7 @@ def figures(forces):
 def engine_figures(values):
     forces = []
     for phase in PHASES:
-        simulation = Simulation(made(values), phase)
+        simulation = SilentDrill(made(values), phase)
         ends = range(MILLISECOND, round(DURATION * 1000 + 1) * MILLISECOND, MILLISECOND)
         forces.append([simulation.advance_to(end).process.mount.force for end in ends])
     return figures(forces)
@@ -71,7 +72,7 @@ def test_the_force_of_an_arm_is_that_of_a_direct_integration_and_of_half_the_ste
 
 
 def test_steps_of_the_arm_give_and_take_little_or_are_an_error(monkeypatch):
-    simulation = Simulation(made(SOFT), 0.3)
+    simulation = SilentDrill(made(SOFT), 0.3)
     feed = simulation.advance_to(2000 * MILLISECOND).feed
     assert abs(feed.coupling) < 0.2
     assert feed.guide_friction > 0.0
@@ -105,11 +106,11 @@ def drill_on_an_arm(random):
 
 def means(configuration):
     """Mean reacting force [N] and power of the actuator [W] of each phase, shape (phases, 2)."""
-    found = run_members(configuration, DURATION, PHASES)
+    found = run_members(plans_of(configuration, PHASES), DURATION)
     return np.array(
         [
-            (member.figures["reacting_force_mean"], member.account.actuator_work / DURATION)
-            for member in found
+            (each["reacting_force_mean"], each["energy_account"]["actuator_work"] / DURATION)
+            for each in (member.metrics.to_dict() for member in found)
         ]
     )
 
@@ -133,8 +134,8 @@ HOPPING = {"load_spring_rate": 1e5, "initial_feed": 6e-4}
 def test_a_drill_that_hops_on_a_stiff_arm_meets_the_rock_ahead_of_its_tip():
     """Else the rock takes hold of the tool only slowly: in half of the phases 17 or 22 N."""
     direct = np.mean([arm_forces(made(HOPPING), phase, 1.5) for phase in PHASES])
-    for member in run_members(made(HOPPING), 1.5, PHASES):
-        assert member.figures["reacting_force_mean"] == pytest.approx(direct, rel=0.05)
+    for member in run_members(plans_of(made(HOPPING), PHASES), 1.5):
+        assert member.metrics.values()["reacting_force_mean"] == pytest.approx(direct, rel=0.05)
 
 
 @pytest.mark.parametrize("weight", [15.0, 30.0])
@@ -149,7 +150,7 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
         }
     )
     direct = resonant_figures(configuration, 0.0, (0.4, 1.0))[0]
-    simulation, found = Simulation(configuration), []
+    simulation, found = SilentDrill(configuration), []
     for end in range(400, 1001):
         simulation.advance_to(end * MILLISECOND)
         found.append(simulation.actuator.amplitude)
@@ -165,7 +166,7 @@ def test_a_drill_before_drilling_vibrates_as_a_direct_oscillator(mass, phase):
         {"regime": "free", "actuator_model": "resonance", "drill_tool_mass": mass}
     )
     direct = resonant_figures(configuration, phase, (0.5, 1.5), (0.41, 0.43))[0]
-    simulation, found = Simulation(configuration, phase), []
+    simulation, found = SilentDrill(configuration, phase), []
     for end in range(400, 1501):
         if end == 410:
             simulation.apply(DriveChange(False))
@@ -216,7 +217,7 @@ def resonance_figures(configuration, phase):
 
     The last are the mean, the least and the greatest.
     """
-    simulation = Simulation(configuration, phase)
+    simulation = SilentDrill(configuration, phase)
     amplitudes, turned, struck, frequencies = [], [], [], []
     silent, driven, first, last = (round(1000 * time) for time in (*SILENCE, *WINDOW))
     work = 0.0
@@ -290,7 +291,7 @@ def at_steps(monkeypatch, steps, values, seconds=1.0):
     """Give the simulation that drilled with each length of a step [ms]."""
     for step in steps:
         monkeypatch.setattr(Process, "interval", round(step * MILLISECOND))
-        simulation = Simulation(to_configuration(values), 0.3)
+        simulation = SilentDrill(to_configuration(values), 0.3)
         yield simulation, simulation.advance_to(round(seconds * SECOND))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
+from silent_drill import SilentDrill
 from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
@@ -25,8 +26,7 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, mean_of
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, RecentEnergy, Statistics, account_of
+from rpud_sim.simulation.metrics import METRICS, Metrics, RecentEnergy, account_of
 
 SECOND = 1_000_000_000
 ROUNDING = 1e-13  # of positions, along which forces work [m]
@@ -91,7 +91,7 @@ def made(values, actuator, phase):
     """Give a simulation, and leave out resonances that are too light for their free mass."""
     parameters = preset(values["regime"]).replace(**values)
     try:
-        return Simulation(Configuration(parameters, actuator), phase)
+        return SilentDrill(Configuration(parameters, actuator), phase)
     except ParameterError:
         assume(False)
 
@@ -160,7 +160,7 @@ def test_what_the_rotor_draws_is_electrical_too(stall_torque):
     alone = {"actuator_model": "resonance"}
     rotates = {"rotation_model": "friction_drive", "rotor_stall_torque": stall_torque}
     values = {**alone, **rotates, "strata": "sandstone"}
-    simulation = Simulation(to_settings(values).configuration)
+    simulation = SilentDrill(to_settings(values).configuration)
     account = EnergyAccount()
     for end in (3, 5):
         account += account_of(simulation.advance_to(end * SECOND // 10))
@@ -174,14 +174,14 @@ def test_what_the_rotor_draws_is_electrical_too(stall_torque):
         assert reading.electrical_power == pytest.approx(power, rel=1e-12)
     assert rotation.stalled == (stall_torque < 0.05)
     # The percussion is that without a rotor, so all that is drawn more is the rotor's.
-    percussion = Simulation(to_settings(alone).configuration)
+    percussion = SilentDrill(to_settings(alone).configuration)
     percussion.advance_to(SECOND // 2)
     more = reading.electrical_energy - percussion.actuator.electrical_energy
     assert more == pytest.approx(work.drawn, rel=1e-9)
 
 
 def test_the_gain_model_has_no_electrical_energy():
-    account = account_of(Simulation(preset("drilling")).advance_to(SECOND // 10))
+    account = account_of(SilentDrill(preset("drilling")).advance_to(SECOND // 10))
     assert math.isnan(account.electrical)
     content = json.loads(json.dumps(account.to_dict(), allow_nan=False))
     assert content["electrical"] is None
@@ -193,7 +193,7 @@ def test_the_gain_model_has_no_electrical_energy():
 
 def test_with_a_feed_its_work_is_in_the_powers_and_all_sums_close_also_from_spans():
     values = {"feed_model": "arm", "strata": "sandstone", "initial_feed": 6e-3}
-    simulation = Simulation(to_settings(values).configuration)
+    simulation = SilentDrill(to_settings(values).configuration)
     simulation.apply(Feed("rate", 2e-4))
     blocks = [simulation.advance_to(number * SECOND // 100) for number in range(1, 151)]
     recent, spans = RecentEnergy(has_feed=True), RecentEnergy(has_feed=True)
@@ -222,10 +222,10 @@ END = SECOND // 2
 
 
 def figures(blocks):
-    statistics = Statistics()
+    statistics = Metrics()
     for block in blocks:
         statistics.add(block)
-    return statistics.figures()
+    return statistics.values()
 
 
 @settings(max_examples=examples(40))
@@ -236,7 +236,7 @@ def figures(blocks):
 )
 def test_one_block_or_many_give_the_same(regime, stops, commands):
     def run(times):
-        simulation = Simulation(preset(regime))
+        simulation = SilentDrill(preset(regime))
         for time in sorted({*times, *commands, END}):
             yield simulation.advance_to(time)
             if time in commands:
@@ -251,7 +251,7 @@ def test_one_block_or_many_give_the_same(regime, stops, commands):
 
 @pytest.fixture(scope="module", params=["free", "drilling"])
 def block(request):
-    return Simulation(preset(request.param)).advance_to(END)
+    return SilentDrill(preset(request.param)).advance_to(END)
 
 
 def test_figures_are_those_of_events_and_impacts(block):
@@ -286,26 +286,26 @@ def with_impacts(block, forces):
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=300))
 def test_a_quantile_is_that_of_all_forces_however_they_are_counted(quiet_block, forces):
-    whole, parts = Statistics(), [Statistics(), Statistics()]
+    whole, parts = Metrics(), [Metrics(), Metrics()]
     whole.add(with_impacts(quiet_block, forces))
     parts[0].add(with_impacts(quiet_block, forces[::2]))
     parts[1].add(with_impacts(quiet_block, forces[1::2]))
-    found = whole.figures()["contact_force_p99"]
+    found = whole.values()["contact_force_p99"]
     exact = np.quantile(forces, 0.99, method="inverted_cdf")
     assert found == pytest.approx(exact, rel=1.2e-3, abs=1e-6)
     parts[0].merge(parts[1])
-    assert parts[0].figures()["contact_force_p99"] == found
+    assert parts[0].values()["contact_force_p99"] == found
 
 
 @pytest.fixture(scope="module")
 def quiet_block():
-    return Simulation(preset("drilling")).advance_to(SECOND // 1000)
+    return SilentDrill(preset("drilling")).advance_to(SECOND // 1000)
 
 
 def test_nothing_to_average_is_none_and_not_zero():
-    nothing = Statistics().figures()
-    assert nothing == {"duration": 0.0, **dict.fromkeys(FIGURES), "events": 0}
-    quiet = Simulation(Configuration(preset("drilling"), drive_enabled=False))
+    nothing = Metrics().values()
+    assert nothing == {"duration": 0.0, **dict.fromkeys(METRICS), "events": 0}
+    quiet = SilentDrill(Configuration(preset("drilling"), drive_enabled=False))
     quiet.advance_to(5 * SECOND)
     found = figures([quiet.advance_to(6 * SECOND)])
     assert found["events"] == found["drill_tool_impact_rate"] == found["kinetic_energy_rate"] == 0
@@ -329,7 +329,7 @@ def test_impulses_of_impacts_add_up_to_the_momentum_unless_the_mass_rests_on_the
     regime, values, share
 ):
     parameters = preset(regime).replace(**values)
-    block, statistics = Simulation(parameters, 0.2).advance_to(20 * SECOND), Statistics()
+    block, statistics = SilentDrill(parameters, 0.2).advance_to(20 * SECOND), Metrics()
     statistics.add(block)
-    needed = statistics.figures()["reacting_force_mean"] + parameters.free_mass * parameters.gravity
+    needed = statistics.values()["reacting_force_mean"] + parameters.free_mass * parameters.gravity
     assert block.impacts["impulse"].sum() / 20.0 == pytest.approx(share * needed, rel=0.03)

@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 from drill_configurations import SANDSTONE
+from silent_drill import plans_of
 
 from rpud_sim.model import compile, engine
 from rpud_sim.model.compile import compilation_notice
@@ -24,8 +25,8 @@ from rpud_sim.simulation.ensemble import (
     run_ensemble,
     run_members,
 )
+from rpud_sim.simulation.metrics import METRICS, Metrics
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 MILLISECOND = 1_000_000
 PARAMETERS = preset("drilling")
@@ -36,8 +37,14 @@ TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", 
 
 def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure():
     def found(*values):
-        members = ({"duration": 2.0} | dict.fromkeys(FIGURES, value) for value in values)
-        ensemble = Ensemble(tuple(map(Member, members)), 1.0)
+        class Given(Metrics):
+            def __init__(self, value):
+                self.given = {"duration": 2.0} | dict.fromkeys(METRICS, value)
+
+            def to_dict(self):
+                return self.given
+
+        ensemble = Ensemble(tuple(Member(Given(value)) for value in values), 1.0)
         assert ensemble.mean()["duration"] == 2.0
         return ensemble.mean()["events"], ensemble.standard_error()["events"]
 
@@ -87,13 +94,13 @@ def test_nothing_is_left_to_compile_once_a_drill_runs():
 def test_a_compilation_that_takes_long_is_reported(monkeypatch, limit, reported):
     told, lines = threading.Event(), []
 
-    class Slow(Statistics):
+    class Slow(Metrics):
         def add(self, block):
             assert numba.njit(lambda: 1)() == 1
             assert told.wait(10.0 if reported else 0.5) == reported
 
     compile_kernels(PARAMETERS)
-    monkeypatch.setattr(ensemble, "Statistics", Slow)
+    monkeypatch.setattr(ensemble, "Metrics", Slow)
     monkeypatch.setattr(compile, "_LONG", limit)
     compile_kernels(PARAMETERS, lambda line: (lines.append(line), told.set()))
     assert lines == [compilation_notice()] * reported
@@ -107,13 +114,12 @@ def exact(values):
 @pytest.mark.parametrize("actuator", [RESONANCE, ActuatorParameters()])
 def test_members_are_runs_of_a_simulation(actuator):
     configuration, phases = Configuration(PARAMETERS, actuator), [0.25, 0.5, 0.75]
-    found = run_members(configuration, 0.06, phases)
+    found = run_members(plans_of(configuration, phases), 0.06)
     for phase, member in zip(phases, found, strict=True):
-        statistics = Statistics()
-        statistics.add(Simulation(configuration, phase).advance_to(60 * MILLISECOND))
+        metrics = Metrics()
+        metrics.add(Simulation(configuration, phase).advance_to(60 * MILLISECOND))
         assert member.failure is None
-        expected = statistics.figures(), statistics.account
-        assert exact((member.figures, member.account)) == exact(expected)
+        assert exact(member.metrics.to_dict()) == exact(metrics.to_dict())
 
 
 @pytest.mark.parametrize("duration", [0.01, 11.0])
@@ -130,8 +136,9 @@ def test_a_failure_has_the_words_of_a_simulation(monkeypatch, duration, threads)
     with pytest.raises(EngineError, match="free_mass = 1e-06 kg") as expected:
         Simulation(drill, 0.25).advance_to(MILLISECOND)
     with pytest.raises(EngineError) as caught:
-        run_ensemble(drill, duration, [0.25, 0.5, 0.75], threads=threads)
-    failed = [str(member.failure) for member in run_members(drill, duration, [0.25, 0.5])]
+        run_ensemble(plans_of(drill, [0.25, 0.5, 0.75]), duration, threads=threads)
+    members = run_members(plans_of(drill, [0.25, 0.5]), duration)
+    failed = [str(member.failure) for member in members]
     assert len(failed) == 2
     assert str(caught.value) == failed[0] == str(expected.value)
 
@@ -147,6 +154,11 @@ def test_a_failure_has_the_words_of_a_simulation(monkeypatch, duration, threads)
 def test_threads_change_nothing(configuration, duration):
     phases = np.linspace(0.0, 0.9, 30 if duration < 1.0 else 3).tolist()
     reported = []
-    found = run_ensemble(configuration, duration, phases, reported.append, threads=3)
+    plans = plans_of(configuration, phases)
+    found = run_ensemble(plans, duration, reported.append, threads=3)
     assert sum(reported) == pytest.approx(duration * len(phases))
-    assert exact(found.members) == exact(run_ensemble(configuration, duration, phases).members)
+
+    def each(ensemble):
+        return exact([member.metrics.to_dict() for member in ensemble.members])
+
+    assert each(found) == each(run_ensemble(plans, duration))

@@ -6,6 +6,7 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from silent_drill import SilentDrill
 from support import examples, refusal
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
@@ -15,17 +16,15 @@ from rpud_sim.simulation import (
     Fault,
     Feed,
     MountMotion,
-    Simulation,
     WeightOnBit,
     preset,
     to_configuration,
 )
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
+from rpud_sim.simulation.metrics import account_of
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import account_of
 
 MILLISECOND = 1_000_000
 SECOND = 1000 * MILLISECOND
@@ -34,7 +33,7 @@ RIGID = {**ARM, "arm_stiffness": 0.0, "anchoring_force": 1e3}
 
 
 def made(**values):
-    return Simulation(to_configuration(values), 0.3)
+    return SilentDrill(to_configuration(values), 0.3)
 
 
 def drilled(simulation, *times):
@@ -155,30 +154,30 @@ def test_a_command_that_the_drill_cannot_take_is_refused_and_changes_nothing(
     values, command, reason
 ):
     simulation = made(**values)
-    control = Control(simulation, 0.0, 0.5)
     before = simulation.applied
-    for take in (simulation.apply, control.apply):
-        assert refusal(take, command).startswith(reason)
-    control.act()
+    assert refusal(simulation.apply, command).startswith(reason)
+    simulation.run.take_over()
+    assert refusal(simulation.apply, command).startswith(reason)
+    simulation.run.watch()
     assert simulation.applied == before
 
 
 @pytest.mark.parametrize("command", [Feed("rate", 2e-3), Feed("position", 0.02)])
 def test_lost_commands_stop_the_feed_and_an_inactive_drill_has_none(command):
-    simulation = made(**ARM)
-    control = Control(simulation, 0.1, 0.1)
-    control.apply(command)
+    drill = to_configuration(ARM)
+    simulation = SilentDrill(drill, 0.3, command_timeout=0.1, command_loss_ramp=0.1)
+    simulation.apply(command)
     for time in range(50, 301, 50):
         simulation.advance_to(time * MILLISECOND)
-        control.act()
-    assert control.commands_lost
+        simulation.run.watch()
+    assert simulation.run.commands_lost
     assert simulation.applied.motion == Feed("rate", 0.0)
     assert simulation.process.mount.rate == pytest.approx(0.0, abs=1e-9)
-    control.apply(command)
-    control.act()
+    simulation.apply(command)
+    simulation.run.watch()
     assert simulation.applied.motion == command
-    control.activate(False)
-    control.apply(command)
+    simulation.run.activate(False)
+    simulation.apply(command)
     assert simulation.applied.motion == Feed("rate", 0.0)
 
 
@@ -186,12 +185,12 @@ def test_the_status_has_the_feed_in_force():
     run = Run(Plan(Beginning(to_settings(ARM))))
     run.begin(5)
     list(run.advance_to(MILLISECOND))
-    run.control.apply(Feed("position", 2e-3))
+    run.apply(Feed("position", 2e-3))
     status = run.status().row(0)
     assert math.isnan(status["feed_rate"])
     assert status["feed_position"] == 2e-3
     assert status["feed_applied"] == {"sec": 0, "nanosec": MILLISECOND + 5}
-    run.control.apply(Feed("rate", 0.0))
+    run.apply(Feed("rate", 0.0))
     status = run.status().row(0)
     assert status["feed_rate"] == 0.0
     assert math.isnan(status["feed_position"])

@@ -5,23 +5,28 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from silent_drill import SilentDrill
 from support import examples, refusal
 
-from rpud_sim.simulation import Drive, MountMotion, Simulation, to_configuration
+from rpud_sim.simulation import Drive, MountMotion, to_configuration
 from rpud_sim.simulation.changes import action_of, journal_form
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
+from rpud_sim.simulation.metrics import account_of
 from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import account_of
 
 MILLISECOND = 1_000_000
 GIVEN = {"feed_model": "given", "feed_rate_limit": 1.0, "rock_model": "specific_energy"}
 
 
-def made(**values):
-    return Simulation(to_configuration({**GIVEN, **values}), 0.3)
+def made(command_timeout=None, command_loss_ramp=0.0, **values):
+    watched = (
+        {}
+        if command_timeout is None
+        else {"command_timeout": command_timeout, "command_loss_ramp": command_loss_ramp}
+    )
+    return SilentDrill(to_configuration({**GIVEN, **values}), 0.3, **watched)
 
 
 def places(simulation, *times):
@@ -87,38 +92,36 @@ def test_a_sample_has_numbers_in_their_range(values):
 
 
 def test_a_mount_whose_samples_are_lost_stops_where_it_is():
-    simulation = made()
-    control = Control(simulation, 0.1, 0.1)
-    control.apply(MountMotion(0.0, 0.01))
+    simulation = made(command_timeout=0.1, command_loss_ramp=0.1)
+    simulation.apply(MountMotion(0.0, 0.01))
     for time in range(10, 301, 10):
         simulation.advance_to(time * MILLISECOND)
-        control.act()
-    assert control.commands_lost
+        simulation.run.watch()
+    assert simulation.run.commands_lost
     assert simulation.applied.motion.velocity == 0.0
     # The velocity falls at each look: 0.11 s of all of it, and 10 ms each of nine tenths to one.
     assert places(simulation, 320, 400) == pytest.approx([1.55e-3, 1.55e-3], abs=1e-9)
-    control.apply(MountMotion(2e-3, 0.01))
-    control.act()
+    simulation.apply(MountMotion(2e-3, 0.01))
+    simulation.run.watch()
     assert places(simulation, 401) == pytest.approx([2.01e-3], abs=1e-12)
-    control.activate(False)
+    simulation.run.activate(False)
     assert places(simulation, 402, 500) == pytest.approx([2.01e-3] * 2, abs=1e-12)
 
 
 def test_other_commands_do_not_stand_for_samples():
-    simulation = made()
-    control = Control(simulation, 0.05, 0.0)
-    control.apply(MountMotion(0.0, 0.01))
+    simulation = made(command_timeout=0.05)
+    simulation.apply(MountMotion(0.0, 0.01))
     for time in range(10, 201, 10):
         simulation.advance_to(time * MILLISECOND)
-        control.apply(Drive(True, 90.0, 16e3))
-        control.act()
-    assert control.commands_lost
+        simulation.apply(Drive(True, 90.0, 16e3))
+        simulation.run.watch()
+    assert simulation.run.commands_lost
     assert places(simulation, 300) == pytest.approx([6e-4], abs=1e-12)  # it made no jump
 
 
 def test_the_journal_has_each_sample_once_and_repeats_it():
     journal = Journal()
-    simulation = Simulation(to_configuration(GIVEN), 0.3, journal=journal)
+    simulation = SilentDrill(to_configuration(GIVEN), 0.3, journal=journal)
     for command in (MountMotion(0.0), MountMotion(1e-3, 0.01), MountMotion(1e-3, 0.01)):
         simulation.apply(command)  # the first one is in force already, the last one repeats
     simulation.advance_to(MILLISECOND)
@@ -140,7 +143,7 @@ def test_the_status_has_the_motion_in_force():
     run = Run(Plan(Beginning(to_settings(GIVEN))))
     run.begin(5)
     list(run.advance_to(MILLISECOND))
-    run.control.apply(MountMotion(2e-3, 1e-3))
+    run.apply(MountMotion(2e-3, 1e-3))
     status = run.status().row(0)
     assert (status["mount_position"], status["mount_velocity"]) == (2e-3, 1e-3)
     assert status["mount_applied"] == {"sec": 0, "nanosec": MILLISECOND + 5}

@@ -31,7 +31,9 @@ def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
 def test_the_seed_of_the_settings_holds_unless_another_is_given():
     settings = to_settings({"seed": 4})
     assert Beginning.drawn(settings) == Beginning.drawn(settings, 4)
-    assert Beginning.drawn(settings, 9) == Beginning(settings, initial_phases(1, 9)[0], 9)
+    other = to_settings({"seed": 9})
+    assert Beginning.drawn(settings, 9) == Beginning(other, initial_phases(1, 9)[0], 9)
+    assert Beginning.drawn(settings, 0).initial_phase == initial_phases(1, 0)[0] > 0.0
     assert Beginning.drawn(to_settings({})).initial_phase == 0.0
 
 
@@ -63,7 +65,7 @@ def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
         ({"parameters": {}}, "it has no "),
         ({**BEGIN, "parameters": {"telemetry_rate": 0}}, "telemetry_rate = 0"),
         ({**BEGIN, "faults": [{"kind": "noise"}]}, "it has no "),
-        ({**BEGIN, "seed": 1e308}, r"seed = 1e\+308"),
+        ({**BEGIN, "seed": 1e308}, "seed = 1e"),
         (
             {**BEGIN, "faults": [{**vars(Fault("off", "wrench")), "onset": 0.5, "clear": None}]},
             "0.5 is no time",

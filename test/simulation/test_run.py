@@ -151,10 +151,11 @@ def test_status_and_power_give_every_field_of_their_messages():
 
 def test_other_settings_reach_the_watchdog_and_the_drill():
     run, _ = begun({"command_timeout": 0.0})
+    run.take_over()
     run.apply(Configure({"command_timeout": 0.01, "gravity": 1.62}))
     advanced(run, 20 * MILLISECOND)
-    assert run.control.act()
-    assert run.control.commands_lost
+    assert run.watch()
+    assert run.commands_lost
     assert run.simulation.parameters.gravity == run.settings.values()["gravity"] == 1.62
 
 
@@ -180,7 +181,7 @@ def test_under_watch_the_loss_of_planned_commands_makes_the_drill_safe():
     values = {"command_timeout": 0.04, "command_loss_ramp": 0.02}
     run, _ = begun(values, journal=Journal(), reports=True)
     advanced(run, 10 * MILLISECOND)
-    run.watch()
+    run.take_over()
     run.schedule(Change(30 * MILLISECOND, WeightOnBit(12.0)))
     messages = advanced(run, 60 * MILLISECOND)
     assert kinds(messages) == ["weight_on_bit"]
@@ -209,7 +210,7 @@ def test_a_change_that_cannot_be_carried_out_ends_the_run_or_is_refused(action, 
     with pytest.raises(ChangeError, match=f"^here: .*{re.escape(reason)}"):
         advanced(run, END)
     refused = []
-    run, _ = begun(changes=[change], refused=lambda *words: refused.append(words))
+    run, _ = begun(changes=[change], rejected=lambda *words: refused.append(words))
     advanced(run, END)
     [(found, error)] = refused
     assert (found, run.time) == (change, END)
@@ -264,7 +265,7 @@ def test_what_was_done_is_a_plan_that_gives_every_message_again(regime, faults, 
 def test_planned_changes_are_those_that_are_carried_out_at_their_times(steps):
     times = [sum(length for length, _ in steps[: n + 1]) for n in range(len(steps))]
     changes = [Change(t, action) for t, (_, action) in zip(times, steps, strict=True)]
-    planned, found = begun(changes=changes, refused=lambda *words: None)
+    planned, found = begun(changes=changes, rejected=lambda *words: None)
     found += advanced(planned, 300 * MILLISECOND)
     run, messages = begun()
     for change in changes:
@@ -286,7 +287,7 @@ def test_commands_of_one_time_give_the_same_bits_and_journal_in_every_order(arm,
         run, messages = begun(values, journal=Journal())
         messages += advanced(run, 23_456_789)
         for command in order:
-            run.control.apply(command)
+            run.apply(command)
         messages += [*rows_of(run.changes()), *advanced(run, END)]
         found.append(messages)
     assert same(*found)
@@ -304,7 +305,7 @@ def test_watched_in_spans_a_loss_of_commands_has_the_same_bits(timeout, ramp, co
     found = []
     for spans in (True, False):
         run, _ = begun({"command_timeout": timeout, "command_loss_ramp": ramp}, journal=Journal())
-        run.watch()
+        run.take_over()
         for number in range(count):
             run.schedule(Change(20 * MILLISECOND * (number + 1), WeightOnBit(10.0 + number)))
         messages = []

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from silent_drill import SilentDrill
 from support import trajectory_messages
 from trajectories import rebuild
 
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample, to_segments
-from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 # How far two ways to add the same numbers may differ, by channel.
@@ -35,7 +35,7 @@ def regime(request):
 @pytest.fixture(scope="module")
 def blocks(regime):
     """Blocks of a quarter of a second with commands at their boundaries."""
-    simulation = Simulation(preset(regime), initial_phase=0.3)
+    simulation = SilentDrill(preset(regime), initial_phase=0.3)
     made = []
     for command in (
         WeightOnBit(25.0),

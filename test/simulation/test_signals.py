@@ -35,7 +35,7 @@ def run():
     values = {**drill, "telemetry_rate": 1000, "initial_feed": 0.01}
     run = Run(Plan(Beginning(to_settings(values))))
     run.begin(ORIGIN)
-    run.control.apply(Feed("rate", 1e-3))
+    run.apply(Feed("rate", 1e-3))
     messages = {channel: [] for channel in CHANNELS}
     for time, topic, message in rows_of(run.advance_to(100 * MILLISECOND)):
         if topic in messages:

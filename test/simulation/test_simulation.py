@@ -7,6 +7,7 @@ import pytest
 from drill_configurations import FULL, SANDSTONE
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from silent_drill import SilentDrill
 from support import examples
 
 from rpud_sim.drilling.mount import STOPPED
@@ -17,7 +18,6 @@ from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Journal
-from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -42,7 +42,7 @@ def same(one, other):
 
 
 def test_a_second_call_for_the_same_time_brings_nothing_and_time_does_not_go_back():
-    simulation = Simulation(Parameters())
+    simulation = SilentDrill(Parameters())
     simulation.advance_to(SECOND)
     again = simulation.advance_to(SECOND)
     assert (again.start, again.end) == (SECOND, SECOND)
@@ -60,7 +60,7 @@ def test_a_second_call_for_the_same_time_brings_nothing_and_time_does_not_go_bac
 def test_the_amplitude_changes_where_the_vibration_has_no_displacement(
     parameters, time, voltage, enabled
 ):
-    simulation = Simulation(parameters)
+    simulation = SilentDrill(parameters)
     blocks = [simulation.advance_to(time)]
     simulation.apply(Drive(enabled, voltage, 16000.0))
     blocks.append(simulation.advance_to(time + MILLISECOND))
@@ -80,7 +80,7 @@ def test_the_amplitude_changes_where_the_vibration_has_no_displacement(
 
 @pytest.mark.parametrize("drill", [Configuration(preset("free")), FULL])
 def test_commands_and_a_configuration_that_change_nothing_leave_every_bit(drill):
-    simulation, undisturbed = Simulation(drill), Simulation(drill)
+    simulation, undisturbed = SilentDrill(drill), SilentDrill(drill)
     blocks = []
     for time in range(0, SECOND // 2, 37 * MILLISECOND):
         blocks.append(simulation.advance_to(time))
@@ -97,7 +97,7 @@ def test_commands_and_a_configuration_that_change_nothing_leave_every_bit(drill)
 def test_commands_come_back_as_applied_and_the_same_again_changes_nothing():
     journal = Journal()
     actuator = ActuatorParameters(nominal_voltage=50.0)
-    simulation = Simulation(Configuration(actuator=actuator), journal=journal)
+    simulation = SilentDrill(Configuration(actuator=actuator), journal=journal)
     first = Applied(WeightOnBit(8.0), 0, Drive(True, 50.0, 16000.0), 0)
     simulation.advance_to(MILLISECOND)
     for command in (WeightOnBit(8.0), Drive(True, 50.0, 16000.0)):
@@ -109,14 +109,14 @@ def test_commands_come_back_as_applied_and_the_same_again_changes_nothing():
     simulation.apply(Drive(True, 25.0, 20000.0))
     second = Applied(WeightOnBit(30.0), MILLISECOND, Drive(True, 25.0, 20000.0), 5 * MILLISECOND)
     assert simulation.applied == second
-    fed = Simulation(to_configuration({"feed_model": "arm"}), journal=journal)
+    fed = SilentDrill(to_configuration({"feed_model": "arm"}), journal=journal)
     for command in (STOPPED, Feed("rate", 1e-3), Feed("rate", 1e-3)):
         fed.apply(command)
     assert [entry.kind for entry in journal.drain()] == ["weight_on_bit", "drive", "feed"]
 
 
 def test_a_drive_that_is_off_keeps_voltage_and_frequency_that_are_zero():
-    simulation = Simulation(Parameters())
+    simulation = SilentDrill(Parameters())
     for command, applied in (
         (Drive(True, 80.0, 20000.0), Drive(True, 80.0, 20000.0)),
         (OFF, Drive(False, 80.0, 20000.0)),
@@ -135,7 +135,7 @@ def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bi
     parameters, moment, given_commands
 ):
     def trajectory(commands_in_order):
-        simulation = Simulation(parameters)
+        simulation = SilentDrill(parameters)
         blocks = [simulation.advance_to(moment)]
         for command in commands_in_order:
             simulation.apply(command)
@@ -147,7 +147,7 @@ def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bi
 
 
 def test_another_specific_energy_counts_from_its_instant_on():
-    plain, harder = Simulation(FULL), Simulation(FULL)
+    plain, harder = SilentDrill(FULL), SilentDrill(FULL)
     for simulation in (plain, harder):
         simulation.advance_to(SECOND)
     before = plain.depth
@@ -160,7 +160,7 @@ def test_another_specific_energy_counts_from_its_instant_on():
 
 
 def test_there_is_progress_in_the_rock_alone():
-    simulation = Simulation(Configuration(preset("free"), rock=SANDSTONE))
+    simulation = SilentDrill(Configuration(preset("free"), rock=SANDSTONE))
     engaged = simulation.parameters.replace(regime="drilling")
     depths = []
     for seconds, parameters in ((1, engaged), (2, engaged.replace(regime="free")), (4, engaged)):
@@ -173,7 +173,7 @@ def test_there_is_progress_in_the_rock_alone():
 
 
 def test_commands_and_faults_outlast_another_configuration():
-    simulation = Simulation(Parameters())
+    simulation = SilentDrill(Parameters())
     simulation.apply(WeightOnBit(20.0))
     simulation.inject(Fault("lost_preload"))  # it changes what acts, not what is commanded
     simulation.configure(Configuration(Parameters(gravity=1.62)))
@@ -186,7 +186,7 @@ ROTATING = {"rotation_model": "friction_drive", "strata": "sandstone"}
 
 
 def simulate(**values):
-    return Simulation(to_configuration(values))
+    return SilentDrill(to_configuration(values))
 
 
 def test_rotation_deepens_the_hole_and_leaves_every_bit_of_the_percussion():

@@ -14,10 +14,10 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.batch import rows_of, spans
 from rpud_sim.simulation.block import boundary
-from rpud_sim.simulation.changes import Change, Inject, SetOrigin
+from rpud_sim.simulation.changes import Change, ChangeError, Inject, SetOrigin
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Times
@@ -237,14 +237,12 @@ def rows(values, faults, steps, *, by_block):
         batches += run.advance_to(time)
         batches.append(run.status())
         if isinstance(change, Fault):
-            with suppress(FaultError):  # it may be there already
+            with suppress(ChangeError):  # it may be there already
                 run.apply(Inject(change, 50 * MILLISECOND * (number % 2)))
         elif isinstance(change, WeightOnBit) and "feed_model" in values:
-            run.control.apply(Feed("rate", 1e-4 * change.force))
-        elif isinstance(change, SetOrigin):
+            run.apply(Feed("rate", 1e-4 * change.force))
+        elif isinstance(change, SetOrigin) or change is not None:
             run.apply(change)
-        elif change is not None:
-            run.control.apply(change)
         batches += run.changes()
     return rows_of([*batches, *run.flush(ends=True)])
 

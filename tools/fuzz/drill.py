@@ -130,8 +130,8 @@ class Drill:
                 simulation.configuration,
                 simulation.faults.records,
                 simulation.faults.forgotten,
-                run.control.active,
-                run.control.commands_lost,
+                run.active,
+                run.commands_lost,
                 live.timeline.playing,
                 live.timeline.at_start,
                 live.timeline.goal,
@@ -164,8 +164,8 @@ class Drill:
             run.simulation.clear()
             weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
             for command in (*self.node._inbox.drain(), weight_on_bit, drive):
-                run.control.apply(command)
-            run.control.act()
+                run.apply(command)
+            run.watch()
 
         self.do(act)
         request = SetSimulationState.Request()

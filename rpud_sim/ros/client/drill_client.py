@@ -19,7 +19,7 @@ from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.options import NAMESPACE
+from rpud_sim.foundation.options import NAMESPACE, SEED
 from rpud_sim.foundation.quantities import (
     Flag,
     ParameterError,
@@ -66,7 +66,6 @@ _LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _TINY = 1e-300  # magnitude with the effect of zero, which in a message means the default
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
 _STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
-_SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 _ON = Flag("whether something is on")
 _FAULT_KIND = Text("kind of a fault", "a kind of fault")
 _CHANNEL = Text("topic of a faulty signal", "a topic")
@@ -364,7 +363,7 @@ class DrillClient(ListeningNode):
         bits = SCOPES[scope] if isinstance(scope, str) else int(scope)
         request = srv.ResetSimulation.Request(scope=bits)
         if seed is not None:
-            request.reseed, request.seed = True, int(_SEED.check("seed", seed))
+            request.reseed, request.seed = True, int(SEED.check("seed", seed))
         self._ask("simulation/reset", request)
         # The drill published the status before it answered; they have no common order here.
         delivery = self.delivery()

@@ -1,4 +1,4 @@
-"""Commands to the drill: checked once, queued until a block ends, and their results."""
+"""Commands to the drill: queued until a block ends, and their results."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def result_of(kind: str, header: Header | None = None) -> Fields:
 
 
 class Inbox:
-    """Queue of checked commands, and their results; any thread may use it.
+    """Queue of commands, and their results; any thread may use it.
 
     ``notify`` is called when a command is accepted or refused. Results are those of ``result_of``.
     """
@@ -154,7 +154,7 @@ class Inbox:
                 result["reason"] = "the drill began again before it could act"
                 self._results.append(result)
             self._results_changed = True
-            self.accepted = 0  # commands that were drained, since the start
+            self.accepted = 0  # commands that acted, since the start
             self.rejected = 0  # commands that were refused
             self.discarded = len(self._waiting)  # commands that were overwritten before they acted
             self.requests_refused = 0  # requests of services
@@ -188,18 +188,26 @@ class Inbox:
             self.requests_refused += 1
             self._log("request", cut(reason))
 
-    def drain(self) -> list[Command]:
-        """Return the waiting commands in order, and count them as accepted."""
+    def drain(self, apply: Callable[[Command], object]) -> bool:
+        """Let the waiting commands act in order; return whether there were any.
+
+        A command for which ``apply`` raises a ParameterError is rejected, any other is accepted.
+        """
         now = time.monotonic_ns()
         with self._counting:
-            commands = []
-            self.accepted += len(self._waiting)
-            for arrived, command, result in self._waiting:
-                commands.append(command)
+            waiting = list(self._waiting)
+            self._waiting.clear()
+        for arrived, command, result in waiting:
+            try:
+                apply(command)
+            except ParameterError as error:
+                self.refuse(result, str(error))
+                continue
+            with self._counting:
+                self.accepted += 1
                 self._delays.add(now - arrived)
                 self._results.append({**result, "accepted": True})
-            self._waiting.clear()
-        return commands
+        return bool(waiting)
 
     def take_delays(self) -> DelayHistogram:
         """Return the delays from arrival to ``drain``, since the last call."""
@@ -302,7 +310,7 @@ class CommandTopic:
             self._inbox.refuse(result, str(error))
 
     def _checked(self, command: Command, stamp: Time) -> Command:
-        """Return a command that can act, a motion with the time of its sample."""
+        """Return a command that is in time, a motion with the time of its sample."""
         if not self._inbox.opened:
             raise ParameterError(f"{self._name}: the drill is not active")
         settings, given = self._settings(), join_seconds(stamp.sec, stamp.nanosec)
@@ -315,7 +323,6 @@ class CommandTopic:
             raise ParameterError(
                 f"{self._name} is stale: its stamp is {what}; allowed is {longest:g} s"
             )
-        settings.configuration.check(command)
         if isinstance(command, MountMotion) and given:
             return dataclasses.replace(command, sampled=given - self._origin())
         return command

@@ -36,9 +36,8 @@ from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.plan import Start
-from rpud_sim.simulation.scenario_file import scenario_of
-from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.metrics import Metrics
+from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 NAME = "drill_node"
@@ -51,26 +50,26 @@ _DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's su
 class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself by default.
 
-    Simulation time begins when it is first activated, of a fork at ``start``, and ends after
-    ``duration`` [s] or when it is cleaned up.
+    Simulation time begins when it is first activated, or where a ``plan`` goes on live. It ends
+    after ``duration`` [s] or when the node is cleaned up.
     """
 
     def __init__(
-        self, duration: float | None = None, start: Start | None = None, **options: Any
+        self, duration: float | None = None, plan: Plan | None = None, **options: Any
     ) -> None:
         super().__init__(NAME, **options)
         try:
-            self._set_up(duration, start, options.get("cli_args") or ())
+            self._set_up(duration, plan, options.get("cli_args") or ())
         except BaseException:
             super().destroy_node()  # or the topic of its transitions would stay in the graph
             raise
 
-    def _set_up(self, duration: float | None, start: Start | None, words: Sequence[str]) -> None:
+    def _set_up(self, duration: float | None, plan: Plan | None, words: Sequence[str]) -> None:
         self.loop = PacingLoop()
-        self._start = start
+        self._plan = plan
         self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed, words)
-        scenario_of(self.settings)  # a file that is missing ends the start, not the activation
-        begin = start.time if start else 0
+        Beginning.drawn(self.settings)  # a missing scenario ends the start, not the activation
+        begin = plan.live_from if plan else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._duplicates = DuplicateNodes(self)
@@ -94,9 +93,9 @@ class DrillNode(ManagedNode):
         return session.reporter.last if (session := self.loop.session) else None
 
     @property
-    def totals(self) -> Statistics:
-        """Statistics since the start; to be read when it has stopped."""
-        return session.reporter.totals if (session := self.loop.session) else Statistics()
+    def totals(self) -> Metrics:
+        """Metrics since the start; to be read when it has stopped."""
+        return session.reporter.totals if (session := self.loop.session) else Metrics()
 
     @property
     def faults(self) -> tuple[FaultRecord, ...]:
@@ -147,7 +146,7 @@ class DrillNode(ManagedNode):
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
         session = Session(
             *(self, self.settings, self._inbox, self._duplicates, self._drill_parameters.restore),
-            *(self._end, self._start),
+            *(self._end, self._plan),
         )
         self.loop.configure(session)
         # A garbage collection of all that lives by now would make blocks late.
@@ -217,7 +216,7 @@ class DrillNode(ManagedNode):
 
     def _fixed(self) -> str:
         """Return why parameters that are not changeable cannot be set now; empty if they can."""
-        if self._start is not None:
+        if self._plan is not None:
             return "is read-only in a fork"
         return "is read-only until the drill is cleaned up" if self.loop.session else ""
 
@@ -287,7 +286,7 @@ def open_drill(
     duration: float | None = None,
     *,
     allow_duplicate: bool = False,
-    start: Start | None = None,
+    plan: Plan | None = None,
 ) -> Iterator[DrillNode]:
     """Start ROS and a drill node with these parameters; shut both down at the end.
 
@@ -305,6 +304,6 @@ def open_drill(
                     "or give --allow-duplicate"
                 )
             overrides = [Parameter(name, value=value) for name, value in values.items()]
-            yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
+            yield DrillNode(duration, plan, namespace=namespace, parameter_overrides=overrides)
         finally:
             hold.release()

@@ -20,8 +20,8 @@ from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import CommandCounts, header_fields, prefixed, time_fields
+from rpud_sim.simulation.metrics import Metrics, Values
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
@@ -50,7 +50,7 @@ class Report(NamedTuple):
     time: int  # simulation time [ns]
     status: Fields  # of its ``rpud_msgs/Status``
     timing: Fields  # of its ``rpud_msgs/Timing``
-    figures: Figures  # of the second before the latest full report
+    figures: Values  # of the second before the latest full report
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     requests_refused: int  # of services, since the start
@@ -172,17 +172,17 @@ class StatusReporter:
         ]
         self._blocks: list[Block] = []
         self._measured: Fields = {}  # by the latest full report
-        self._figures: Figures = {}  # of it
+        self._figures: Values = {}  # of it
         self._diagnostics: Fields | None = None  # that are not published yet
         self._rests_until = 0
         self._forgotten = 0  # entries of the journal that are not kept any more
         self.begin()
 
     @property
-    def totals(self) -> Statistics:
-        """Statistics since the start; to be read when the drilling has ended."""
+    def totals(self) -> Metrics:
+        """Metrics since the start; to be read when the drilling has ended."""
         self._count()
-        totals = Statistics()
+        totals = Metrics()
         totals.merge(self._totals)
         totals.merge(self._interval)
         return totals
@@ -190,8 +190,8 @@ class StatusReporter:
     def begin(self) -> None:
         """Count from zero."""
         self._blocks.clear()
-        self._totals = Statistics()
-        self._interval = Statistics()
+        self._totals = Metrics()
+        self._interval = Metrics()
         self._inbox.begin()
         self.impact_delays = DelayHistogram()  # of impacts until they were published
         self.end_period()
@@ -299,9 +299,9 @@ class StatusReporter:
         self._due = time.monotonic_ns() + round(REPORT_PERIOD * SECOND)
         self._sources.look()
         self._count()
-        self._figures = self._interval.figures()
+        self._figures = self._interval.values()
         self._totals.merge(self._interval)
-        self._interval = Statistics()
+        self._interval = Metrics()
         impact_delays, self.impact_delays = self.impact_delays, DelayHistogram()
         self._measured = pacer.read()
         for name, delays in ("command", self._inbox.take_delays()), ("impact", impact_delays):

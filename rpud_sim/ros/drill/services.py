@@ -38,6 +38,7 @@ from rpud_sim.ros.drill.timeline import LONGEST_STEP, InterruptedStepError, Reac
 from rpud_sim.ros.graph import DiscoveryProbe, filled
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.block import boundaries_until, boundary
+from rpud_sim.simulation.changes import Clear, Inject
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import fault_fields
@@ -161,15 +162,15 @@ class DrillServices:
             duration = join_seconds(request.duration.sec, request.duration.nanosec)
             if duration < 0:
                 raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
-            simulation = session.run.simulation
-            response.number = simulation.inject(message_to_fault(request.fault), duration)
+            fault = message_to_fault(request.fault)
+            [response.number] = session.run.apply(Inject(fault, duration))
             session.report()
 
         self._loop.request(act)
 
     def _clear(self, request: ClearFault.Request, response: Any) -> None:
         def act(session: Session) -> None:
-            session.run.simulation.clear(request.number)
+            session.run.apply(Clear(request.number))
             session.report()
 
         self._loop.request(act)
@@ -224,7 +225,7 @@ class DrillServices:
             if time:
                 _check_own_time(session, "reset")
             if bits & scopes.SCOPE_SPAWNED and not state:
-                session.run.simulation.clear()
+                session.run.apply(Clear())
                 session.report()
             session.reset(time=time, state=state, seed=seed)
 

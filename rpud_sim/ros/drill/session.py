@@ -24,9 +24,9 @@ from rpud_sim.ros.drill.timeline import Reached, Timeline
 from rpud_sim.ros.process import robot_description
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
-from rpud_sim.simulation.changes import Change
-from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.plan import Beginning, Journal, Plan, Start
+from rpud_sim.simulation.changes import Configure, SetOrigin
+from rpud_sim.simulation.configuration import CHANGEABLE, Settings
+from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import offered_topics
 
@@ -39,7 +39,7 @@ class Session:
     """Run of the drill under commands, and those after resets; their timeline and messages.
 
     From ``begin`` on every method is for the pacing loop; any thread may read the attributes.
-    The run begins at time zero, of a fork at its instant, and is over at ``end`` [ns].
+    The run begins at time zero, or where a ``plan`` goes on live, and is over at ``end`` [ns].
     ``restored`` is called with the settings that a reset restored.
     """
 
@@ -51,16 +51,16 @@ class Session:
         duplicates: DuplicateNodes,
         restored: Callable[[Settings], None] = lambda settings: None,
         end: int = sys.maxsize,
-        start: Start | None = None,
+        plan: Plan | None = None,
     ) -> None:
         self.settings = self._first_settings = settings  # in force
-        self._seed = settings.seed
+        self._seed: int | None = None  # that a reset gave
         self._journal: Journal | None = None  # from ``begin`` on
         self._inbox = inbox
         self._restored = restored
         self._end = end
-        self._start = start
-        self._computing = False  # whether a run is on its way to the instant of a fork
+        self._plan = plan
+        self._computing = False  # whether a run is on its way to where its plan goes on live
         self._unreported = False  # whether the status lacks changes
         self._lost = False  # whether commands were lost when they acted last
         self._shuffle = 0  # seed of the order among topics in the present step; 0 for their times
@@ -74,7 +74,7 @@ class Session:
             node, settings.telemetry_rate, self.publishers, inbox, duplicates
         )
         try:
-            self.run = self._new_run(settings, self._seed, active=start is not None)
+            self.run = self._new_run(settings, self._seed, active=plan is not None)
             self._start_run(self.run)
         except Exception:
             self.publishers.destroy()  # or the next configuration would have each topic twice
@@ -89,7 +89,7 @@ class Session:
     @property
     def state(self) -> str:
         """State, as ``rpud_msgs/Status`` names it."""
-        return self.timeline.state if self.run.control.active else "inactive"
+        return self.timeline.state if self.run.active else "inactive"
 
     @property
     def finished(self) -> bool:
@@ -122,11 +122,10 @@ class Session:
         """Begin, active and with a journal, with settings that may have changed."""
         self.settings = self._first_settings = settings
         self._journal = Journal()
-        origin, start = self.run.origin, self._start
+        origin = self.run.origin
         run = self._new_run(settings, self._seed, active=True)
         self._start_run(run)
-        if start is not None and settings != start.settings:  # set since the node was made
-            run.configure(settings)
+        self._change_parameters(run, settings)  # of a plan, set since the node was made
         self._switch(run, origin)
 
     def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
@@ -198,19 +197,14 @@ class Session:
 
     def act(self) -> None:
         """Let waiting commands act, and publish what changed."""
-        control = self.run.control
-        commands = self._inbox.drain()
-        for command in commands:
-            control.apply(command)
-        if commands or self.run.time >= control.quiet_until:
-            control.act()
-        lost, self._lost = self._lost, control.commands_lost
-        if commands or lost is not self._lost or self.reporter.refused_more():
+        taken = self._inbox.drain(self.run.apply)
+        if taken or self.run.time >= self.run.next_action_time:
+            self.run.watch()
+        lost, self._lost = self._lost, self.run.commands_lost
+        if taken or lost is not self._lost or self.reporter.refused_more():
             self._unreported = True
             if not self.timeline.standing:
                 self.publish_changes()
-        for refusal in self.run.simulation.drain_refusals():
-            self._logger.warning(refusal)
 
     def publish_deferred(self, until: int | None = None) -> None:
         """Publish what has no deadline, as far as there is time before a simulation time [ns]."""
@@ -280,13 +274,13 @@ class Session:
 
     def activate(self, active: bool) -> None:
         """Let commands act, or make drive and weight on bit zero."""
-        self.run.control.activate(active)
+        self.run.activate(active)
         self.report()
 
     def configure(self, settings: Settings) -> None:
         """Put settings into force that differ in what may change while the drill runs."""
         before, self.settings = self.settings.real_time_factor, settings
-        self.run.configure(settings)
+        self._change_parameters(self.run, settings)
         if settings.real_time_factor != before:
             self._pace()
         else:
@@ -297,14 +291,12 @@ class Session:
 
         The pace stays as it is. A ParameterError changes nothing.
         """
-        start = self._start if state else None
-        if start is not None and seed not in (None, start.plan.beginning.seed):
-            kept = start.plan.beginning.seed
+        if state and self._plan and seed not in (None, kept := self._plan.beginning.seed):
             raise ParameterError(f"seed = {seed}: a fork keeps its seed {kept}")
         seed = self._seed if seed is None else seed
         pace = self.settings.real_time_factor
         settings = dataclasses.replace(self._first_settings, real_time_factor=pace)
-        active, source = self.run.control.active, self.timeline.source
+        active, source = self.run.active, self.timeline.source
         # First what can fail, as the scenario's file may be another one by now.
         new = self._new_run(settings, seed, active) if state else None
         self.timeline.interrupt("the simulation was reset")
@@ -319,11 +311,11 @@ class Session:
             self.reporter.begin()
             self._restored(settings)
         elif time:
-            self.run.set_origin(source.origin(self.run.time, -self.run.time))
+            self.run.apply(SetOrigin(source.origin(self.run.time, -self.run.time)))
         self._pace()
 
     def _set_origin(self) -> None:
-        self.run.set_origin(self.timeline.source.origin(self.run.time))
+        self.run.apply(SetOrigin(self.timeline.source.origin(self.run.time)))
         self.reporter.end_period()
 
     def _pace(self) -> None:
@@ -342,43 +334,46 @@ class Session:
         for batch in self.run.flush(ends=ends):
             self.publishers.publish([batch])
 
-    def _new_run(self, settings: Settings, seed: int, active: bool) -> Run:
-        start = self._start
+    def _new_run(self, settings: Settings, seed: int | None, active: bool) -> Run:
         return Run(
-            start.plan if start else Plan(Beginning.drawn(settings, seed)),
+            self._plan or Plan(Beginning.drawn(settings, seed)),
             self._journal,
             lambda topic: not self._computing and topic in self.publishers.wanted,
             active=active,
             on_block=self._count,
-            refused=self._refuse,
+            rejected=lambda change, error: self._logger.warning(f"planned change refused: {error}"),
         )
 
     def _start_run(self, run: Run) -> None:
-        """Start the journal of a run, which is of a fork at its instant then."""
-        active = run.control.active
-        run.simulation.record("begin", run.beginning.to_journal())
-        if self._start is not None:
+        """Start the journal of a run, and compute it up to where its plan goes on live."""
+        active = run.active
+        run.begin()
+        if self._plan is not None:
             self._computing = True
-            for batch in run.advance_to(self._start.time):
+            for batch in run.advance_to(self._plan.live_from):
                 if batch.topic == "journal":
                     self.publishers.publish([batch])
             self._computing = False
-            run.watch()
-        run.control.activate(active)
+        run.take_over()
+        run.activate(active)
+
+    def _change_parameters(self, run: Run, settings: Settings) -> None:
+        """Give a run the values of settings that may change during it."""
+        values, before = settings.values(), run.settings.values()
+        changed = {name: values[name] for name in CHANGEABLE if values[name] != before[name]}
+        if changed:
+            run.apply(Configure(changed))
 
     def _switch(self, run: Run, origin: int) -> None:
         """Go on with a run at whose simulation time zero the stamp is ``origin`` [ns]."""
         self.run = run
         self.publishers.begin()
         self.timeline.pacer.reset()
-        run.set_origin(origin)
+        run.apply(SetOrigin(origin))
 
     def _count(self, block: Block) -> None:
         if not self._computing:
             self.reporter.add(block)
-
-    def _refuse(self, change: Change, error: Exception) -> None:
-        self._logger.warning(f"planned change refused: {error}")
 
 
 def _description_of(settings: Settings) -> str:

@@ -68,9 +68,14 @@ class Commander:
     def give(self, message, kind=None):
         """Give a command, and give back what was taken of it, or why it was refused."""
         self.publishers[kind or type(message)].publish(message)
-        rejected = self.inbox.rejected
-        taken = self.until(lambda: self.inbox.drain() or self.inbox.rejected > rejected)
-        return taken[0] if isinstance(taken, list) else self.inbox.last_refusal
+        rejected, taken = self.inbox.rejected, []
+
+        def apply(command):
+            self.settings.configuration.check(command)
+            taken.append(command)
+
+        self.until(lambda: self.inbox.drain(apply) or self.inbox.rejected > rejected)
+        return taken[0] if taken else self.inbox.last_refusal
 
 
 @pytest.fixture
@@ -219,7 +224,7 @@ def test_each_command_to_a_stopped_drill_is_taken_refused_or_counted_as_discarde
         commander.publishers[WeightOnBitMessage].publish(WeightOnBitMessage(force=force))
 
     def counted():
-        inbox.drain()
+        inbox.drain(id)
         return inbox.accepted + inbox.rejected + inbox.discarded == count
 
     commander.until(counted)
@@ -297,18 +302,18 @@ def test_each_result_is_told_once_after_the_last_ones_of_each_kind():
     )
     inbox.accept(WeightOnBit(1.0), first)
     assert inbox.take_results() is None  # it waits
-    inbox.drain()
+    inbox.drain(id)
     accepted = {**first, "accepted": True}
     assert inbox.take_results() == ([], [accepted])
     inbox.accept(WeightOnBit(2.0), second)
     inbox.refuse(result_of("drive"), "for a reason")
-    inbox.drain()
+    inbox.drain(id)
     refused = {**result_of("drive"), "reason": "for a reason"}
     assert inbox.take_results() == ([accepted], [refused, {**second, "accepted": True}])
     inbox.accept(WeightOnBit(3.0), third)
     inbox.begin()  # what waits was meant for the run before
     repeated, [discarded] = inbox.take_results()
-    assert (repeated, inbox.drain(), discarded["accepted"]) == ([], [], False)
+    assert (repeated, inbox.drain(id), discarded["accepted"]) == ([], False, False)
     assert (discarded["header"], inbox.discarded) == (third["header"], 1)
     assert "began again" in discarded["reason"]
     assert (inbox.accepted, inbox.rejected) == (0, 0)

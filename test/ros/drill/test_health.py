@@ -15,9 +15,9 @@ from rpud_sim.ros.graph import filled
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.fields import CommandCounts
+from rpud_sim.simulation.metrics import Metrics
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import Statistics
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 SECOND = 1_000_000_000
@@ -118,17 +118,17 @@ def drill(drill_node):
 
 
 def figures(*blocks):
-    statistics = Statistics()
+    statistics = Metrics()
     for block in blocks:
         statistics.add(block)
-    return statistics.figures()
+    return statistics.values()
 
 
 def test_status_and_diagnostics_tell_of_the_drill(drill):
     assert (drill.reporter.last, drill.reporter.refused_more()) == (None, False)
     first = drill.advance(1)
-    drill.run.control.apply(WeightOnBit(30.0))
-    drill.run.control.apply(Drive(False, 80.0, 17000.0))
+    drill.run.apply(WeightOnBit(30.0))
+    drill.run.apply(Drive(False, 80.0, 17000.0))
     drill.inbox.refuse_request("there is no fault 9 to clear")
     report = drill.report()
     status = report.status
@@ -178,13 +178,13 @@ def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(
     drill.reporter.end_period()
     assert drill.report().figures == second
     drill.advance(3)
-    assert drill.reporter.totals.figures() == pytest.approx(figures(*drill.blocks))
+    assert drill.reporter.totals.values() == pytest.approx(figures(*drill.blocks))
 
 
 def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     drill.report()
     drill.inbox.accept(WeightOnBit(1.0), GIVEN)
-    drill.inbox.drain()
+    drill.inbox.drain(id)
     assert not drill.reporter.refused_more()
     drill.inbox.refuse(GIVEN, "for a reason")
     assert drill.reporter.refused_more()

@@ -11,6 +11,7 @@ from rpud_msgs.msg import (
     Status,
     Trajectory,
 )
+from silent_drill import SilentDrill
 from support import trajectory_messages
 from trajectories import arrays_of
 
@@ -26,7 +27,6 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
@@ -54,7 +54,7 @@ def said(kind, columns, number=1):
 @pytest.fixture(scope="module", params=["free", "drilling"])
 def block(request):
     """A tenth of a second with every kind of contact, after a command to settle."""
-    simulation = Simulation(preset(request.param))
+    simulation = SilentDrill(preset(request.param))
     simulation.advance_to(SECOND)
     simulation.apply(WeightOnBit(20.0))
     simulation.apply(Drive(True, 60.0, 17000.0))
@@ -109,7 +109,7 @@ def status_of(simulation):
 def test_the_status_says_how_the_drill_is_and_what_it_lacks_is_not_a_number():
     rock = RockParameters(rock_model="specific_energy")
     actuator = ActuatorParameters(actuator_model="resonance")
-    simulation = Simulation(Configuration(actuator=actuator, rock=rock))
+    simulation = SilentDrill(Configuration(actuator=actuator, rock=rock))
     simulation.advance_to(SECOND)
     simulation.inject(Fault("lost_preload"))
     status = status_of(simulation)
@@ -123,7 +123,7 @@ def test_the_status_says_how_the_drill_is_and_what_it_lacks_is_not_a_number():
     assert status.depth == simulation.depth > 0.0
     assert status.penetration_rate == simulation.penetration_rate > 0.0
     assert status.active_faults == 1
-    lacking = status_of(Simulation(preset("drilling")))
+    lacking = status_of(SilentDrill(preset("drilling")))
     for name in ("electrical_power", "depth", "penetration_rate"):
         assert math.isnan(getattr(lacking, name))
 

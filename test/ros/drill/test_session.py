@@ -20,6 +20,7 @@ from rpud_sim.ros.drill.pacing_loop import take_turn
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.drill.timeline import InterruptedStepError, Pacer
+from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.topics import PROVED
@@ -131,9 +132,9 @@ def playing(drill):
 def test_blocks_are_computed_ahead_of_their_deadlines_and_published_at_them(playing):
     drain = playing.inbox.drain
 
-    def slow():  # what acts after a block is not its lateness
+    def slow(apply):  # what acts after a block is not its lateness
         playing.clock.now += 3 * MILLISECOND
-        return drain()
+        return drain(apply)
 
     playing.inbox.drain = slow
     deadlines = [START + number * PERIOD for number in (1, 2, 3)]
@@ -191,7 +192,7 @@ def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(m
         drill.timeline.play()
         for _ in range(5):
             drill.go_on()
-        drill.run.set_origin(7 * SECOND)
+        drill.run.apply(SetOrigin(7 * SECOND))
         drill.finish()
         assert drill.publishers.streams == ["waveform", "trajectory"]
         sent.append([each for each in drill.publishers.messages if each[0] == "trajectory"])

@@ -10,8 +10,8 @@ from rpud_sim.model.contact import single_contact
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.ensemble import run_ensemble
+from rpud_sim.simulation.metrics import METRICS
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.fit.measures import (
     DRILLING_FIGURES,
     UNITS,
@@ -32,9 +32,9 @@ ROTATING = to_configuration(
 
 def test_the_figures_of_a_whole_run_are_those_of_simulate():
     expected = run_ensemble(DRILL, 2.0, [0.25]).members[0].figures
-    found = measure(DRILL, 0.25, [Measure(name, 0.0, 2.0) for name in FIGURES])
-    assert dict(zip(FIGURES, found, strict=True)) == pytest.approx(
-        {name: expected[name] for name in FIGURES}, rel=1e-12
+    found = measure(DRILL, 0.25, [Measure(name, 0.0, 2.0) for name in METRICS])
+    assert dict(zip(METRICS, found, strict=True)) == pytest.approx(
+        {name: expected[name] for name in METRICS}, rel=1e-12
     )
 
 

@@ -14,8 +14,8 @@ from plain_values import parse_specification
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
+from rpud_sim.simulation.metrics import METRICS
 from rpud_sim.simulation.plan import initial_phases
-from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.specification_file import read_specification
 from rpud_sim.studies.sweep.sweep import (
     chunk_count,
@@ -68,8 +68,8 @@ def test_a_point_is_the_ensemble_of_its_seed():
         rows = table.slice(2 * point, 2).to_pylist()
         assert [row["phase"] for row in rows] == list(phases)
         for row, member in zip(rows, expected, strict=True):
-            assert [row[name] for name in FIGURES] == pytest.approx(
-                [member.figures[name] for name in FIGURES], rel=0, nan_ok=True
+            assert [row[name] for name in METRICS] == pytest.approx(
+                [member.figures[name] for name in METRICS], rel=0, nan_ok=True
             )
     assert table["failure"].to_pylist() == [None] * 6
 
@@ -81,7 +81,7 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     simulated = simulate(chunk).table
     reason = "weight_on_bit = -1 N is outside its range [0, 1000] N"
     assert simulated["failure"].to_pylist() == [reason, reason, None, None]
-    assert [simulated[name][1].as_py() for name in FIGURES] == [None] * len(FIGURES)
+    assert [simulated[name][1].as_py() for name in METRICS] == [None] * len(METRICS)
     table = point_table(specification, simulated)
     assert table["members"].to_pylist() == [0, 2]
     assert table["contact_force_mean"].is_null().to_pylist() == [True, False]

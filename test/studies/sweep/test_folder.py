@@ -7,8 +7,8 @@ import pytest
 from plain_values import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.simulation.metrics import METRICS
 from rpud_sim.simulation.plan import initial_phases
-from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.sweep import (
     SweepFolder,
     design_points,
@@ -74,7 +74,7 @@ def test_the_tables_are_what_any_reader_of_parquet_sees(folder, outcomes, monkey
     ]
     assert [row["contact_model"] for row in rows[::3]] == ["printed", "rayleigh"] * 2
     assert [row["weight_on_bit"] for row in rows[::3]] == [5.0, 5.0, 10.0, 10.0]
-    assert set(FIGURES) < rows[0].keys()
+    assert set(METRICS) < rows[0].keys()
     for first in range(0, 12, 3):
         phases = initial_phases(3, rows[first]["seed"])
         assert [row["phase"] for row in rows[first : first + 3]] == [*phases]

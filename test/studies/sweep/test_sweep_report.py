@@ -6,7 +6,7 @@ from plain_values import parse_specification
 from scipy import stats
 
 from rpud_sim.foundation.shown_quantities import number_text
-from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.simulation.metrics import METRICS
 from rpud_sim.studies.sweep.specification import error_name
 from rpud_sim.studies.sweep.sweep_report import (
     marginal_means,
@@ -35,7 +35,7 @@ def table_of(specification, seed=0):
     levels = np.meshgrid(*(specification.swept[name].levels() for name in names), indexing="ij")
     table = {name: grid.ravel() for name, grid in zip(names, levels, strict=True)}
     table |= {"point": np.arange(count), "members": np.full(count, specification.repeat)}
-    for name in FIGURES:
+    for name in METRICS:
         table[name] = random.normal(100.0, 1.0, count)
         table[error_name(name)] = np.full(count, 0.5)
     return table
