@@ -31,6 +31,7 @@ class Control:
         self._put = put
         self._initial = self.given = simulation.applied  # given: the last ones; read-only
         self._last = simulation.time  # of the last command [ns]
+        self._share = 1.0  # of the commands that acts since the last ``apply_share``
         self.configure(settings)
         self.active = active  # whether commands act; read-only
         # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
@@ -51,7 +52,7 @@ class Control:
         overdue = now - self._last - self._timeout
         if overdue <= 0:
             return now if self.commands_lost else self._last + self._timeout
-        return NEVER if self.commands_lost and overdue > self._ramp else now
+        return NEVER if self.commands_lost and self._share == 0.0 else now
 
     def activate(self, active: bool) -> None:
         """Let commands act from now on, starting with the initial ones, or let none act."""
@@ -88,6 +89,7 @@ class Control:
         share = float(self.active)
         if self.active and overdue > 0:
             share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
+        self._share = share
         if given.motion and mount:
             self._put(given.motion.left(share, mount.position))
         else:

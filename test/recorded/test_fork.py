@@ -194,9 +194,8 @@ def test_the_watchdog_watches_over_own_commands(used, tmp_path):
     """40 ms after the last command of the file they are lost, and go down within 20 ms."""
     (tmp_path / "commands.yaml").write_text("commands: [{time: 0.01, weight_on_bit: 12}]")
     changes = read_commands(tmp_path / "commands.yaml")
-    write_fork(used.path, tmp_path / "fork", 0.01, 0.15, changes)
+    write_fork(used.path, tmp_path / "fork", 0.01, 0.1, changes)
     entries = entries_of(tmp_path / "fork")
-    print([(e.time, e.kind, str(e.content)[:60]) for e in entries])
     times = [time for time, kind in commanded(entries, 20 * MILLISECOND) if kind == "drive"]
     assert times[0] >= 60 * MILLISECOND
     assert (

@@ -192,6 +192,17 @@ def test_under_watch_the_loss_of_planned_commands_makes_the_drill_safe():
     assert kinds(messages)[:2] == ["weight_on_bit", "drive"]
 
 
+@pytest.mark.parametrize("rate", [100, 130])
+def test_what_is_lost_goes_down_to_nothing_where_no_block_ends_with_the_ramp(rate):
+    values = {"telemetry_rate": rate, "command_timeout": 0.04, "command_loss_ramp": 0.02}
+    run, _ = begun(values)
+    run.take_over()
+    advanced(run, 80 * MILLISECOND)
+    advanced(run, 100 * MILLISECOND)
+    applied = run.simulation.applied
+    assert (applied.weight_on_bit.force, applied.drive.enabled) == (0.0, False)
+
+
 @pytest.mark.parametrize(
     ("action", "reason"),
     [

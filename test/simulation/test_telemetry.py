@@ -226,7 +226,8 @@ def told(values, faults, steps, *, by_block):
 
 
 def rows(values, faults, steps, *, by_block):
-    run = Run(Plan(Beginning(to_settings(values), 0.3, 5, faults)), Journal())
+    plan = Plan(Beginning(to_settings(values), 0.3, 5, faults))
+    run = Run(plan, Journal(), rejected=lambda *rejected: None)
     run.begin(ORIGIN)
     batches = []
     for number, (time, change) in enumerate(
