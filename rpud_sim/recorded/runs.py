@@ -6,14 +6,16 @@ A message belongs to the last run that had begun when it was published.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.terminal import in_words
@@ -76,11 +78,6 @@ class RecordedRun:
 
     def topic(self, name: str) -> str:
         return self.prefix + name
-
-    @property
-    def begun(self) -> int:
-        """Publishing time of the run's beginning [ns]."""
-        return self.entries[0].publish_time
 
     @property
     def closed(self) -> bool:
@@ -156,6 +153,14 @@ class RecordedRun:
         """Return whether messages belong to the run, by their publishing times [ns], (n,)."""
         return within(publish_times, self.window)
 
+    def of(self, batches: Iterable[SerializedBatch]) -> Iterator[SerializedBatch]:
+        """Yield the messages of the run among those of a bag; each batch has one origin."""
+        for batch in batches:
+            own = batch.part(self.holds(batch.publish_times))
+            if len(own):
+                for origin, part in _parts(own, self.origins(own.publish_times)):
+                    yield replace(part, run=self.number, origin=origin)
+
     def computed(self, until: int, wanted: Collection[str]) -> Iterator[Batch]:
         """Compute the messages of topics up to a simulation time [ns]; the origin is as recorded.
 
@@ -168,6 +173,23 @@ class RecordedRun:
                     yield batch
         except ChangeError as error:
             raise RecordingError(f"{self.journal}: {error}") from error
+
+
+def by_run(
+    runs: Sequence[RecordedRun], batches: Iterable[SerializedBatch]
+) -> Iterator[SerializedBatch]:
+    """Yield batches, each of one run with its number; 0 is before the first of the runs."""
+    edges = np.array([run.window[0] for run in runs])
+    for batch in batches:
+        for run, part in _parts(batch, np.searchsorted(edges, batch.publish_times, "right")):
+            yield replace(part, run=run)
+
+
+def _parts(batch: SerializedBatch, values: np.ndarray) -> Iterator[tuple[int, SerializedBatch]]:
+    """Yield the parts of a batch whose messages have one value, and that."""
+    cuts = np.flatnonzero(np.diff(values)) + 1
+    for first, last in pairwise([0, *cuts.tolist(), len(batch)]):
+        yield int(values[first]), batch.part(slice(first, last))
 
 
 def runs_of(

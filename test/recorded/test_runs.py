@@ -33,7 +33,7 @@ def runs_in(path):
 
 def test_a_message_belongs_to_the_last_run_that_had_begun_when_it_was_published(used):
     first, second = runs_in(used.path)
-    begun = second.begun
+    begun = second.entries[0].publish_time
     times = np.array([0, begun - 1, begun, begun + 1, 2**61])
     assert first.holds(times).tolist() == [True, True, False, False, False]
     assert second.holds(times).tolist() == [False, False, True, True, True]
