@@ -37,7 +37,6 @@ DECLARATIONS_LIMIT = 2**18  # greatest number of channels and schemas in a chunk
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression
 INDEX = struct.Struct("<HI")  # channel, length of the entries [bytes]
 # Beginning of a message's record; its bytes follow.
 HEAD = np.dtype(
@@ -94,18 +93,12 @@ class RawRecord(NamedTuple):
     end: int
 
 
-def parse(record: RawRecord, *, exact: bool = False) -> McapRecord | None:
-    """Return the fields of a record; None for an unused kind, a ValueError for damaged values.
-
-    ``exact`` refuses bytes behind the last field.
-    """
+def parse(record: RawRecord) -> McapRecord | None:
+    """Return the fields of a record; None for an unused kind, a ValueError for damaged values."""
     kind = _KINDS.get(record.opcode)
     if kind is None:
         return None
-    stream = _Content(record.content)
-    parsed: McapRecord = kind.read(stream)
-    if exact and stream.count != len(record.content):
-        raise BagFormatError("a record is longer than its fields")
+    parsed: McapRecord = kind.read(_Content(record.content))
     return parsed
 
 

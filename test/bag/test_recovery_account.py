@@ -21,11 +21,10 @@ from rpud_sim.bag.recovery import recover
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
-@pytest.mark.parametrize("chunked", [True, False])
-def test_files_of_other_writers_keep_all_that_they_have(tmp_path, compression, chunked):
+def test_files_of_other_writers_keep_all_that_they_have(tmp_path, compression):
     torn = tmp_path / "other.mcap"
     with torn.open("wb") as stream:
-        writer = Writer(stream, compression=compression, use_chunking=chunked)
+        writer = Writer(stream, compression=compression)
         writer.start()
         schema = writer.register_schema("my/Type", "jsonschema", b'{"type": "object"}')
         channels = [writer.register_channel("/a", "json", s, {"by": "me"}) for s in (schema, 0)]
