@@ -28,7 +28,6 @@ from rpud_sim.bag.errors import (
 )
 from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files, without_copies
 from rpud_sim.bag.mcap_contents import summary_of
-from rpud_sim.bag.mcap_reader import REPEATED_KEY
 from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -128,7 +127,7 @@ class _TornFile:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._declared = 0  # bytes of these
-        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag; 0 for none
+        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
         self._unknown = 0  # messages of undeclared channels
@@ -263,12 +262,10 @@ class _TornFile:
         for channel, count in zip(channels.tolist(), counts.tolist(), strict=True):
             numbers[channel] = self._number(channel)
             self._found[channel] += count
-            if numbers[channel]:
-                account = self._recovery.topics[self._channels[channel].topic]
-                account.recovered += count
-                account.unchecked += 0 if checked else count
+            account = self._recovery.topics[self._channels[channel].topic]
+            account.recovered += count
+            account.unchecked += 0 if checked else count
         own = numbers[heads["channel"]]
-        places, heads, own = places[own > 0], heads[own > 0], own[own > 0]
         if not len(own):
             return
         heads["channel"] = own
@@ -279,7 +276,7 @@ class _TornFile:
         self._bag.write_records(MessageRecords(content, ends, own, log_times))
 
     def _number(self, channel_id: int) -> int:
-        """Return the number of a channel in the new bag, declared if it is new; 0 for none."""
+        """Return the number of a channel in the new bag, declared if it is new."""
         if channel_id not in self._number_of:
             channel = self._channels[channel_id]
             schema = self._schemas.get(channel.schema_id)
@@ -287,8 +284,7 @@ class _TornFile:
             metadata = tuple(sorted(channel.metadata.items()))
             key = (channel.topic, channel.message_encoding, kind, metadata)
             if key not in self._numbers:
-                repeated = REPEATED_KEY in channel.metadata  # another file has the same messages
-                self._numbers[key] = 0 if repeated else self._add_channel(channel, schema)
+                self._numbers[key] = self._add_channel(channel, schema)
             self._number_of[channel_id] = self._numbers[key]
         return self._number_of[channel_id]
 
@@ -323,10 +319,10 @@ class _TornFile:
 
     def _account(self, expected: Mapping[int, int]) -> None:
         for number, channel in self._channels.items():
-            if self._number(number):  # also without a message
-                missing = expected.get(number, 0) - self._found[number]
-                topic = self._recovery.topics[channel.topic]
-                topic.lost += max(0, missing, self._missing[number])
+            self._number(number)  # also without a message
+            missing = expected.get(number, 0) - self._found[number]
+            topic = self._recovery.topics[channel.topic]
+            topic.lost += max(0, missing, self._missing[number])
         undeclared = self._missing.keys() - self._channels.keys()
         unknown = self._unknown + sum(self._missing[number] for number in undeclared)
         if unknown:

@@ -44,6 +44,7 @@ from rpud_sim.simulation.versions import engine_of, other_engine
 
 _EARLIEST, _LATEST = -(2**63), 2**63 - 1  # no time is beyond [ns]
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
+_FIRST_ENGINE = 6  # that this release reads, of release 0.3
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "end")
 
 
@@ -237,7 +238,7 @@ def find_drill(
     if any(s.topic.name == journal and s.message_count for s in bag.readable_topics):
         try:
             found = run_of(bag, run or 1, journal, damages)
-        except RecordingError as error:
+        except UnverifiableError as error:
             reason = f"{bag.path}: {error}"
             if run not in (None, 1):
                 raise RecordingError(reason) from error
@@ -314,6 +315,11 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
             f"cannot be decided: {orphans} entries of {journal.name} have no beginning; their "
             "recorder came too late, and no recorder of this package asked the drill for it"
         )
+    for entries, _ in groups:
+        beginning = entries[0].entry.content
+        engine = engine_of(beginning)
+        if not (isinstance(engine, int) and engine >= _FIRST_ENGINE):
+            raise RecordingError(f"{journal.name}: {other_engine(beginning)}")
     starts = [entries[0].publish_time for entries, _ in groups]
     timed = any(e.publish_time != e.log_time for entries, _ in groups for e in entries)
     if len(groups) > 1 and not (timed and all(np.diff(starts) > 0)):
