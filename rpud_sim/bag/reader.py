@@ -20,6 +20,7 @@ from rpud_sim.bag.batches import (
 )
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, BagWarning
 from rpud_sim.bag.folders import storage_files
+from rpud_sim.bag.limits import OVERLAP_LIMIT
 from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.mcap_reader import BagChunk, McapFile
 from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, TopicSummary, losses_from_record
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
 
     from rpud_sim.bag.columns import Column
     from rpud_sim.bag.tables import Batch, Tables
-
-# Greatest size of the chunks that are open at once, because they overlap in time [bytes].
-_OVERLAP_LIMIT = 256 * 2**20
 
 
 class BagReader:
@@ -294,9 +292,9 @@ def _due_batches(
         reached = max([reached, *(int(batch.log_times[-1]) for batch in due)])
         yield due
         opened = [each for each in opened if each[0] >= chunk.start_time]
-        if opened and chunk.size + sum(size for _, size in opened) > _OVERLAP_LIMIT:
+        if opened and chunk.size + sum(size for _, size in opened) > OVERLAP_LIMIT:
             raise BagFormatError(
-                f"more than {_OVERLAP_LIMIT} bytes of chunks overlap in time, "
+                f"more than {OVERLAP_LIMIT} bytes of chunks overlap in time, "
                 "too much to put their messages in order"
             )
         last = -1

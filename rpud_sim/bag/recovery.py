@@ -27,7 +27,7 @@ from rpud_sim.bag.errors import (
     OtherStorageError,
 )
 from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files, without_copies
-from rpud_sim.bag.mcap_contents import summary_of
+from rpud_sim.bag.mcap_contents import check_declared, summary_of
 from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -43,7 +43,6 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.reader import BagReader
 from rpud_sim.bag.records import (
-    DECLARED_LIMIT,
     HEAD,
     MAGIC,
     RECORD,
@@ -126,7 +125,6 @@ class _TornFile:
         self._numbers = numbers
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._declared = 0  # bytes of these
         self._number_of: dict[int, int] = {}  # of the file's channels in the new bag
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
@@ -243,10 +241,8 @@ class _TornFile:
         known: dict[int, Any] = self._schemas if isinstance(record, Schema) else self._channels
         if record.id in known and (not checked or known[record.id] == record):
             return
-        self._declared += len(repr(record))
-        if self._declared > DECLARED_LIMIT:
-            raise BagFormatError(f"{self._path} declares more than {DECLARED_LIMIT} bytes")
         known[record.id] = record
+        check_declared(self._schemas, self._channels)
         self._number_of.clear()
 
     def _add_messages(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -31,11 +30,6 @@ BATCH_SIZE = 64 * 2**20  # of a batch
 ARRAY_SIZE = 4 * 2**20  # of messages copied into arrays together: a processor's cache holds them
 TOTAL_SIZE = 256 * 2**20  # of all topics' messages that wait to become batches
 
-# Greatest definitions of all types of a bag together, without comments [characters].
-DEFINITIONS_LIMIT = 256 * 2**10
-
-_COMMENT = re.compile(r"#.*")
-_DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
@@ -166,8 +160,6 @@ class Tables:
         self._path, self._errors = path, errors
         self._known = {summary.topic.name: summary for summary in summaries}
         self._opened: dict[str, Table | BagFormatError] = {}
-        self._kinds: set[tuple[str, str, str]] = set()  # encodings, types and definitions of these
-        self._size = 0  # characters of the definitions
 
     @cached_property
     def left_out(self) -> dict[str, str]:
@@ -194,17 +186,8 @@ class Tables:
 
     def _open(self, name: str) -> Table | BagFormatError:
         if name not in self._opened:
-            summary = self._known[name]
-            for kind in summary.kinds - self._kinds:
-                self._kinds.add(kind)
-                self._size += len(_COMMENT.sub("", kind[-1])) + _DEFINITION_OVERHEAD
             try:
-                if self._size > DEFINITIONS_LIMIT:
-                    raise BagFormatError(
-                        f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
-                        "characters together, too many to compile"
-                    )
-                self._opened[name] = Table(summary)
+                self._opened[name] = Table(self._known[name])
             except BagFormatError as error:
                 self._opened[name] = error
         return self._opened[name]

@@ -198,13 +198,6 @@ def test_each_declaration_of_a_chunk_is_parsed_once(tmp_path, monkeypatch):
     assert len(parsed) < 10
 
 
-def test_records_without_number_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.records.RECORDS_LIMIT", 1000)
-    (tmp_path / "torn.mcap").write_bytes(MAGIC + packed_chunk(1001 * record(0x90, b"")))
-    recovery = recover(tmp_path / "torn.mcap", tmp_path / "out")
-    assert "is a lost chunk: a chunk has more than 1000 records" in recovery.damages[0]
-
-
 def test_damage_without_an_index_costs_what_follows_and_the_account_says_how_much(whole, tmp_path):
     content = whole("zstd")
     places = chunk_offsets(content)
@@ -226,9 +219,12 @@ def test_messages_outside_of_chunks_are_counted(tmp_path):
     assert recovery.damages == ["torn.mcap: 3 messages outside of chunks are left out"]
 
 
-def test_too_many_declarations_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.records.DECLARATIONS_LIMIT", 10)
-    schema = record(Opcode.SCHEMA, struct.pack("<H", 1) + text("a") + text("ros2msg") + text("x"))
-    (tmp_path / "torn.mcap").write_bytes(MAGIC + packed_chunk(11 * schema))
+def test_too_many_topics_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.mcap_contents.TOPICS_LIMIT", 10)
+    schemas = [
+        record(Opcode.SCHEMA, struct.pack("<H", n) + text("a") + text("ros2msg") + text("x"))
+        for n in range(1, 12)
+    ]
+    (tmp_path / "torn.mcap").write_bytes(MAGIC + packed_chunk(b"".join(schemas)))
     recovery = recover(tmp_path / "torn.mcap", tmp_path / "out")
-    assert "is a lost chunk: a chunk has more than 10 declarations" in recovery.damages[0]
+    assert "is a lost chunk: it declares more than 10 topics" in recovery.damages[0]
