@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
-    from rpud_sim.bag.tables import Batch, Tables
+    from rpud_sim.bag.tables import RowTable, Tables
 
 
 class BagReader:
@@ -175,7 +175,7 @@ class BagReader:
         start: int = 0,
         duration: int | None = None,
         leave_out: Callable[[str, str], object] | None = None,
-    ) -> Iterator[Batch]:
+    ) -> Iterator[RowTable]:
         """Yield the messages of topics as columns, batch by batch, in bounded memory.
 
         Args:
@@ -223,9 +223,13 @@ class BagReader:
         ``index`` is the name of the column that becomes the index, such as ``header.stamp``; None
         for the first one. ``start`` and ``duration`` are as for ``tables``.
         """
-        from rpud_sim.bag.tables import to_frame
+        from rpud_sim.bag.tables import to_frame, with_datetimes
 
-        return to_frame(self._tables.table(topic), self.arrays(topic, start, duration), index)
+        table = self._tables.table(topic)
+        columns = with_datetimes(table, self.arrays(topic, start, duration))
+        return to_frame(
+            columns, {each.name: each.unit for each in table.columns}, index or next(iter(columns))
+        )
 
     def close(self) -> None:
         """Release the files."""

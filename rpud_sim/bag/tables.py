@@ -43,8 +43,8 @@ _TIME_COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Consecutive rows of one topic."""
+class RowTable:
+    """Rows of consecutive messages of one topic, as columns."""
 
     topic: str  # its name
     # values of each column, by its name; ``Kind`` describes their form
@@ -95,7 +95,7 @@ class Table:
 
     def batch(
         self, batch: SerializedBatch, leave_out: Callable[[str], object] | None = None
-    ) -> Batch:
+    ) -> RowTable:
         """Return the rows of messages.
 
         ``leave_out`` is called with the reason for each message that is not of the type, which is
@@ -123,13 +123,13 @@ class Table:
                 kept.append(row)
         return self.batch(batch.part(np.array(kept, np.intp)))
 
-    def empty(self) -> Batch:
+    def empty(self) -> RowTable:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(SerializedBatch(self._name, none, none, data, none, none))
 
     def _batch(
         self, batch: SerializedBatch, columns: Mapping[str, np.ndarray | Sequences]
-    ) -> Batch:
+    ) -> RowTable:
         received = {"log_time": batch.log_times, "publish_time": batch.publish_times}
         if self._has_rows:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
@@ -138,7 +138,7 @@ class Table:
                 name: objects(each.rows()) if isinstance(each, Sequences) else each
                 for name, each in columns.items()
             }
-        return Batch(self._name, values, len(batch))
+        return RowTable(self._name, values, len(batch))
 
 
 @lru_cache(maxsize=256)  # topics of one type share it
@@ -198,7 +198,7 @@ class Tables:
         batches: Iterable[SerializedBatch],
         leave_out: Callable[[str, str], object] | None = None,
         limit: int | None = None,
-    ) -> Iterator[Batch]:
+    ) -> Iterator[RowTable]:
         """Yield the rows of messages, in their order within each topic.
 
         ``leave_out`` is called with the topic and the reason for each message that is not of its
@@ -209,7 +209,7 @@ class Tables:
         sizes = dict.fromkeys(tables, 0)  # of what waits
         total = 0
 
-        def decoded(name: str) -> Batch:
+        def decoded(name: str) -> RowTable:
             nonlocal total
             total -= sizes[name]
             batch, waiting[name], sizes[name] = joined(waiting[name]), [], 0
@@ -250,25 +250,25 @@ class Tables:
         }
 
 
+def with_datetimes(table: Table, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return columns whose integer nanoseconds are times and durations of NumPy."""
+    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
+    return {
+        each.name: columns[each.name].astype(dtypes.get(each.kind, columns[each.name].dtype))
+        for each in table.columns
+    }
+
+
 def to_frame(
-    table: Table, columns: Mapping[str, np.ndarray], index: str | None = None
+    columns: Mapping[str, np.ndarray], units: Mapping[str, str], index: str
 ) -> pandas.DataFrame:
-    """Return a pandas frame with a column as index, the first one by default."""
+    """Return a pandas frame with a column as index; ``attrs["units"]`` has the units."""
     pandas = import_extra("pandas", "a frame", "pandas")
-    index = index or table.columns[0].name
     if index not in columns:
         raise BagError(f"index = {index!r:.80} is no column; {did_you_mean(index, columns)}")
-    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
-    series = {
-        column.name: objects([*columns[column.name]])
-        if column.kind is Kind.ARRAY
-        else columns[column.name].astype(dtypes.get(column.kind), copy=False)
-        if column.kind in dtypes
-        else columns[column.name]
-        for column in table.columns
-    }
+    series = {n: objects([*each]) if each.ndim > 1 else each for n, each in columns.items()}
     frame = pandas.DataFrame(series).set_index(index)
-    frame.attrs["units"] = {column.name: column.unit for column in table.columns}
+    frame.attrs["units"] = dict(units)
     return frame
 
 

@@ -80,6 +80,15 @@ class RecordedRun:
     def topic(self, name: str) -> str:
         return self.prefix + name
 
+    def incomplete(self, end: int | None = None) -> str:
+        """Return why the journal is not complete up to a simulation time [ns]; empty if it is.
+
+        None is for the end of the run.
+        """
+        if not self.torn or (end is not None and end <= self.end):
+            return ""
+        return f"the journal is complete up to {self.end / SECOND:.9g} s alone: {self.torn}"
+
     @property
     def closed(self) -> bool:
         """Whether the run ended with its last entry."""

@@ -154,7 +154,7 @@ def twice(message):
     [
         (unchanged, PROVED, "holds no journal"),
         (unchanged, ["journal"], "holds nothing that /rpud/journal could prove"),
-        (beginning(later_engine), None, r"rpud_sim 9\.0 proves it"),
+        (beginning(later_engine), None, r"rpud_sim 9\.0 reads it"),
         (numbered("journal", 1, twice), None, "entry 1 of the journal is there twice"),
         (
             numbered("journal", 0, lambda m: []),
