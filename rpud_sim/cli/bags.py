@@ -288,6 +288,7 @@ def _complain_of_parts(program: str, written: Any) -> None:
 
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
+_MOST_LINES = 40  # of a table of settings; the page and --json have all
 
 
 def _each(name: str, metavar: str = "N") -> dict[str, Any]:
@@ -357,7 +358,9 @@ def _comparison_lines(found: Comparison, page: str | None) -> Iterator[str]:
             (each.name, *(text or NONE for text in each.values), each.unit)
             for each in found.settings
         ]
-        yield from table(("setting", "A", "B", "unit"), rows, left=1)
+        yield from table(("setting", "A", "B", "unit"), rows[:_MOST_LINES], left=1)
+        if len(rows) > _MOST_LINES:
+            yield f"and {len(rows) - _MOST_LINES} more"
     yield ""
     yield printable(f"B: {found.bits_line}")
     if found.metrics:

@@ -221,7 +221,9 @@ def compare(
     if timed and not last > first:
         spans = ", ".join(f"{n:.80} from {run.span}" for n, run in zip(names, runs, strict=True))
         until = "the end" if end is None else f"{end:g} s"
-        raise RecordingError(f"the runs share no time from {begin:g} s to {until}: {spans}")
+        raise RecordingError(
+            f"the runs have no time in common from {begin:g} s to {until}: {spans}"
+        )
     return Comparison(
         names,
         tuple(runs),

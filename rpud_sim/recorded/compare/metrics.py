@@ -124,11 +124,12 @@ def read_values(
             values = batch.columns[column][own].astype(float)
             found[column] = np.where(usable(values), values, np.nan)
         parts.setdefault(name, []).append(found)
-    joined = {
-        name: {key: np.concatenate([part[key] for part in found]) for key in found[0]}
-        for name, found in parts.items()
-    }
-    return RecordedValues(drill, joined)
+    topics = {}
+    for name, held in parts.items():
+        joined = {key: np.concatenate([part[key] for part in held]) for key in held[0]}
+        order = np.argsort(joined["time"], kind="stable")  # a damaged bag may mix them
+        topics[name] = {key: values[order] for key, values in joined.items()}
+    return RecordedValues(drill, topics)
 
 
 def _has_times(bag: BagReader, full: str, name: str) -> bool:
