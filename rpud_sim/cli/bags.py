@@ -319,9 +319,11 @@ def _each(name: str, metavar: str = "N") -> dict[str, Any]:
 )
 def _compare(options: Any) -> int:
     from rpud_sim.recorded.compare import compare
-    from rpud_sim.recorded.output import check_new_file
 
     if options.out:
+        from rpud_sim.recorded.compare.page import write_page
+        from rpud_sim.recorded.output import check_new_file
+
         check_new_file(options.out)
     names = ("begin", "end", "run_numbers", "namespaces", "quantities")
     with progress_bar(" messages", scaled=True) as bar:
@@ -338,7 +340,7 @@ def _compare(options: Any) -> int:
             shown = printable(part, LONGEST_NAME)
             complain("rpud compare", f"{name}: left out {shown}: {reason}")
     if options.out:
-        found.write_page(options.out)
+        write_page(found, options.out)
     content = {**found.content(), "out": options.out}
     print_result(options, content, lambda: _comparison_lines(found, options.out))
     if found.damaged or found.differs:

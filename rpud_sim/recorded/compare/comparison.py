@@ -28,7 +28,7 @@ from rpud_sim.recorded.compare.metrics import (
     read_values,
 )
 from rpud_sim.recorded.compare.same_bits import DIFFERENT, EQUAL, TopicBits, compare_bits
-from rpud_sim.recorded.output import Damages, write_new_file
+from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import RecordedRun, find_drill
 from rpud_sim.simulation import PARAMETERS
 
@@ -150,12 +150,6 @@ class Comparison:
             }
         )
         return found
-
-    def write_page(self, out: str | os.PathLike[str]) -> None:
-        """Write a page: settings, metrics, a picture of their differences, and bits."""
-        from rpud_sim.recorded.compare.page import render
-
-        write_new_file(out, render(self))
 
 
 METRIC_HEAD = ("quantity", "metric", "A", "B", "difference, 95 % interval", "result")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from rpud_sim.foundation.shown_quantities import NONE
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.recorded.compare.comparison import METRIC_HEAD, Comparison
 from rpud_sim.recorded.compare.metrics import DIFFERS
+from rpud_sim.recorded.output import write_new_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +35,12 @@ parts of the time, since impacts that follow each other are not independent.</p>
 """
 
 
-def render(found: Comparison) -> str:
+def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
+    """Write settings, metrics, a picture of their differences, and bits of a comparison."""
+    write_new_file(out, _render(found))
+
+
+def _render(found: Comparison) -> str:
     skipped = ((name, *part) for name, parts in found.damaged.items() for part in parts.items())
     return render_page(
         _BODY,
