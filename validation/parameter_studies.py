@@ -10,11 +10,11 @@ to end counts as flat: the paper's "little effect".
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
 
-from rpud_sim.recorded.compare.estimates import holm
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import whole_configuration
 from rpud_sim.studies.fit.measures import Measure, measure
@@ -130,11 +130,21 @@ def run_studies(
 def find_trends(studies: list[Study]) -> list[Trend]:
     """Return the verdict on each output of each study."""
     cases = [(study, output) for study in studies for output in OUTPUTS]
-    adjusted = holm([_kendall(study, output) for study, output in cases])
+    adjusted = _holm([_kendall(study, output) for study, output in cases])
     return [
         _verdict(study, output, p_value)
         for (study, output), p_value in zip(cases, adjusted, strict=True)
     ]
+
+
+def _holm(chances: Sequence[float]) -> list[float]:
+    """Return probabilities corrected for their number by Holm's step-down method."""
+    corrected = [1.0] * len(chances)
+    least = 0.0
+    for rank, place in enumerate(sorted(range(len(chances)), key=chances.__getitem__)):
+        least = max(least, min(1.0, (len(chances) - rank) * chances[place]))
+        corrected[place] = least
+    return corrected
 
 
 def _kendall(study: Study, output: str) -> float:

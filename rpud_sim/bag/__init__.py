@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rpud_sim.bag.reader import BagReader
     from rpud_sim.bag.recovery import recover
     from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
-    from rpud_sim.bag.tables import Batch
+    from rpud_sim.bag.tables import RowTable
     from rpud_sim.bag.writer import BagWriter, whole_bag
 
 __all__ = [
@@ -40,13 +40,13 @@ __all__ = [
     "BagReader",
     "BagWarning",
     "BagWriter",
-    "Batch",
     "Column",
     "Kind",
     "Losses",
     "Message",
     "QosProfile",
     "Recovery",
+    "RowTable",
     "SerializedBatch",
     "Topic",
     "TopicRecovery",
@@ -67,7 +67,7 @@ _MODULES = {
     "reader": ("BagReader",),
     "recovery": ("recover",),
     "recovery_account": ("Recovery", "TopicRecovery"),
-    "tables": ("Batch",),
+    "tables": ("RowTable",),
     "writer": ("BagWriter", "whole_bag"),
 }
 

@@ -31,6 +31,8 @@ class SerializedBatch:
     data: np.ndarray  # bytes (CDR) of all messages, uint8; they may have other bytes between them
     starts: np.ndarray  # where each message begins in ``data``, int64, shape (n,)
     sizes: np.ndarray  # of each message [bytes], int64, shape (n,)
+    run: int = 0  # number of their run, given by their source; 0 if it is not known
+    origin: int = 0  # stamp of zero in the time of that run [ns]
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -44,9 +46,8 @@ class SerializedBatch:
         if isinstance(chosen, slice) and chosen.indices(len(self)) == (0, len(self), 1):
             return self
         times = self.log_times[chosen], self.publish_times[chosen]
-        return SerializedBatch(
-            self.topic, *times, self.data, self.starts[chosen], self.sizes[chosen]
-        )
+        places = self.starts[chosen], self.sizes[chosen]
+        return SerializedBatch(self.topic, *times, self.data, *places, self.run, self.origin)
 
     def packed(self) -> SerializedBatch:
         """Return the same messages in a buffer that holds little else."""
@@ -80,19 +81,19 @@ def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndar
 
 
 def joined(batches: Sequence[SerializedBatch]) -> SerializedBatch:
-    """Return the messages of batches of one topic in one, in their order."""
+    """Return the messages of batches of one topic and run in one, in their order."""
     if len(batches) == 1:
         return batches[0]
     batches = [batch.packed() for batch in batches]
     begins = accumulate((len(batch.data) for batch in batches), initial=0)
     starts = [batch.starts + begin for batch, begin in zip(batches, begins, strict=False)]
-    return SerializedBatch(
-        batches[0].topic,
-        np.concatenate([batch.log_times for batch in batches]),
-        np.concatenate([batch.publish_times for batch in batches]),
-        np.concatenate([batch.data for batch in batches]),
-        np.concatenate(starts),
-        np.concatenate([batch.sizes for batch in batches]),
+    return replace(
+        batches[0],
+        log_times=np.concatenate([batch.log_times for batch in batches]),
+        publish_times=np.concatenate([batch.publish_times for batch in batches]),
+        data=np.concatenate([batch.data for batch in batches]),
+        starts=np.concatenate(starts),
+        sizes=np.concatenate([batch.sizes for batch in batches]),
     )
 
 

@@ -16,15 +16,11 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rpud_sim.bag.definition_text import fields_of, parts_of
 from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
+from rpud_sim.bag.limits import DECODED_LIMIT, FIELDS_LIMIT
 from rpud_sim.foundation.terminal import in_words
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
-
-# Greatest definition of a type, with all types that it needs [characters].
-DEFINITION_LIMIT = 256 * 2**10
-DECODED_LIMIT = 256 * 2**20  # greatest decoded message, with its text in exported files [bytes]
-FIELDS_LIMIT = 100_000  # greatest number of fields of a type, with those of its members
 
 HEAD = 4  # bytes before the first field: the encoding of a message
 PADDING = 3  # bytes behind the last field, so that messages follow each other aligned
@@ -69,11 +65,6 @@ class Codec:
 
     def __init__(self, type_name: str, definition: str) -> None:
         self.type = type_name
-        if len(definition) > DEFINITION_LIMIT:
-            raise BagFormatError(
-                f"the definition of {type_name:.80} has {len(definition)} characters; "
-                f"at most {DEFINITION_LIMIT} are read"
-            )
         self._shapes: dict[str, Shape] = {}  # by type
         self._readers: dict[tuple[str, str], _Reader] = {}  # by order of bytes and type
         with self._understanding("definition"):

@@ -15,7 +15,6 @@ import numpy as np
 
 from rpud_sim.bag.batches import SerializedBatch, gathered, items
 from rpud_sim.bag.cdr import (
-    DECODED_LIMIT,
     HEAD,
     PADDING,
     UNUSED,
@@ -27,12 +26,11 @@ from rpud_sim.bag.definition_text import fields_of, parts_of
 from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Members, Node
 from rpud_sim.bag.encoder import Sequence as Several
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.limits import DECODED_LIMIT
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
 
 _GREATEST = 1e150  # squares of values beyond would overflow
-
-COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 
 # Columns of every table; a field with such a name gets underscores until it is unique.
 RECEIVED = ("log_time", "publish_time")
@@ -98,10 +96,6 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
             name += "_"
         taken.add(name)
         columns.append(replace(column, name=name))
-        if len(columns) > COLUMNS_LIMIT:
-            raise BagFormatError(
-                f"{codec.type:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
-            )
     return tuple(columns)
 
 

@@ -26,23 +26,19 @@ from mcap.records import (
 )
 
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.limits import RECORD_LIMIT, TOPICS_LIMIT
 from rpud_sim.bag.records import (
-    DECLARED_LIMIT,
     HEAD,
     MAGIC,
     MESSAGE,
     RECORD,
     UNREADABLE,
-    RawRecord,
     RecordFile,
     parse,
     split_records,
     uncompressed,
 )
 from rpud_sim.foundation.terminal import in_words
-
-# Greatest summary section [bytes]; that of an hour's recording has less than one MiB.
-SUMMARY_LIMIT = 64 * 2**20
 
 REMEDY = "rpud recover makes a whole bag of it"
 
@@ -90,6 +86,13 @@ class Contents:
             self.schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
             self.channels.setdefault(record.id, record)
+        check_declared(self.schemas, self.channels)
+
+
+def check_declared(schemas: Mapping[int, Schema], channels: Mapping[int, Channel]) -> None:
+    """Raise a BagFormatError if a file declares too many topics."""
+    if max(len(schemas), len(channels)) > TOPICS_LIMIT:
+        raise BagFormatError(f"it declares more than {TOPICS_LIMIT} topics")
 
 
 def contents_of(file: RecordFile, path: Path) -> Contents:
@@ -133,8 +136,8 @@ def summary_of(file: RecordFile) -> Contents:
     offset = start = footer.summary_start
     if start > end:
         raise BagFormatError(f"its summary section is not where it should be; {REMEDY}")
-    if end - start > SUMMARY_LIMIT:
-        raise BagFormatError(f"its summary section has more than {SUMMARY_LIMIT} bytes")
+    if end - start > RECORD_LIMIT:
+        raise BagFormatError(f"its summary section has more than {RECORD_LIMIT} bytes")
     # The checksum covers everything before itself; it is the footer's last field.
     if footer.summary_crc not in (0, zlib.crc32(file.content(start, ending - 4 - start))):
         raise BagFormatError(f"the checksum of its summary section is wrong; {REMEDY}")
@@ -281,14 +284,6 @@ def _walked(file: RecordFile) -> Contents:
     found = Contents(loose=[], spans={})
     counts = Counter[int]()
     spans: dict[int, tuple[int, int]] = {}
-    declared = 0
-
-    def declare(raw: RawRecord) -> None:
-        nonlocal declared
-        declared += len(raw.content)
-        if declared > DECLARED_LIMIT:
-            raise BagFormatError(f"it declares more than {DECLARED_LIMIT} bytes")
-        found.declare(parse(raw))
 
     def add(channel: int, first: int, last: int, count: int) -> None:
         counts[channel] += count
@@ -302,7 +297,7 @@ def _walked(file: RecordFile) -> Contents:
             channel, time = add_loose(found.loose, start, end, first)
             add(channel, time, time, 1)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            declare(file.record(start, end))
+            found.declare(parse(file.record(start, end)))
         elif opcode == Opcode.METADATA:
             record = parse(file.record(start, end))
             assert isinstance(record, Metadata)
@@ -314,7 +309,7 @@ def _walked(file: RecordFile) -> Contents:
             for raw in declarations:
                 if raw.content not in known:
                     known.add(raw.content)
-                    declare(raw)
+                    found.declare(parse(raw))
             numbers, amounts = np.unique(heads["channel"], return_counts=True)
             held = spans_of(heads)
             for channel, count in zip(numbers.tolist(), amounts.tolist(), strict=True):

@@ -27,9 +27,6 @@ from rpud_sim.bag.records import (
     uncompressed,
 )
 
-# Channel metadata of messages that split files of earlier releases repeated of the previous one.
-REPEATED_KEY = "rpud_repeated"
-
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
@@ -96,10 +93,9 @@ class McapFile:
             else ""
         )
         self.schemas = contents.schemas
-        repeated = {n for n, each in contents.channels.items() if REPEATED_KEY in each.metadata}
-        self.channels = {n: each for n, each in contents.channels.items() if n not in repeated}
+        self.channels = contents.channels
         # Messages by channel, and of all of them.
-        self.counts = {n: count for n, count in contents.counts.items() if n not in repeated}
+        self.counts = contents.counts
         self.message_count = sum(self.counts.values())
         self.start_time = min(contents.times, default=0)
         self.end_time = max(contents.times, default=0)

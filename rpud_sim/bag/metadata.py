@@ -23,6 +23,7 @@ import yaml
 
 from rpud_sim.bag.definition_text import structure_of
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
+from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
@@ -40,16 +41,11 @@ RECORDING_RECORD = "rpud_recording"
 MANIFEST_RECORD = "rpud_manifest"
 VERDICT_RECORD = "rpud_test"  # metadata record of a test's verdict
 
-# Greatest metadata: its characters, and _NODE_SIZE for each value.
-SIZE_LIMIT = 8 * 2**20
-
 INFINITE = 2**63 - 1  # unlimited duration [ns]; in YAML ``sec: 9223372036``, ``nsec: 854775807``
 
 # Fewer messages have no rate: two that arrive together would have one of many kHz.
 RATE_MESSAGES = 10
 
-_NODE_SIZE = 32
-_DEPTH_LIMIT = 32
 _LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # sexagesimal ones, ``1:1:1``, take very long
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -283,8 +279,8 @@ def metadata_from_document(text: str) -> ReadMetadata:
 
 
 def read_document(path: Path) -> ReadMetadata:
-    if path.stat().st_size > SIZE_LIMIT:
-        raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
+    if path.stat().st_size > RECORD_LIMIT:
+        raise BagFormatError(f"it has more than {RECORD_LIMIT} bytes")
     return metadata_from_document(path.read_text(encoding="utf-8"))
 
 
@@ -322,28 +318,13 @@ def local_name(name: str) -> str:
 
 def _load(text: str) -> Any:
     try:
-        _check_size(text)
+        if any(isinstance(each, yaml.AliasEvent) for each in yaml.parse(text, Loader=_LOADER)):
+            raise BagFormatError("the rosbag2 metadata has aliases, which rosbag2 never writes")
+        if number := _LONG_NUMBER.search(text):
+            raise BagFormatError(f"the rosbag2 metadata has a number {number[0][:20]}...")
         return yaml.load(text, Loader=_LOADER)
     except (yaml.YAMLError, *MALFORMED) as error:  # the latter of `!!timestamp 1`, for example
         raise BagFormatError(f"the rosbag2 metadata is not YAML: {in_words(error)}") from error
-
-
-def _check_size(text: str) -> None:
-    """Check for short YAML with a large value: aliases, nesting, long numbers."""
-    size = depth = 0
-    for event in yaml.parse(text, Loader=_LOADER):
-        if isinstance(event, yaml.AliasEvent):
-            raise BagFormatError("the rosbag2 metadata has aliases, which rosbag2 never writes")
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        size += _NODE_SIZE
-        if isinstance(event, yaml.ScalarEvent):
-            size += len(event.value)
-            if event.implicit[0] and _LONG_NUMBER.fullmatch(event.value):
-                raise BagFormatError(f"the rosbag2 metadata has a number {event.value[:20]}...")
-        if size > SIZE_LIMIT or depth > _DEPTH_LIMIT:
-            limits = f"{SIZE_LIMIT} or nested deeper than {_DEPTH_LIMIT}"
-            raise BagFormatError(f"the rosbag2 metadata is larger than {limits}")
 
 
 def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:

@@ -20,6 +20,7 @@ from rpud_sim.bag.batches import (
 )
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, BagWarning
 from rpud_sim.bag.folders import storage_files
+from rpud_sim.bag.limits import OVERLAP_LIMIT
 from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.mcap_reader import BagChunk, McapFile
 from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, TopicSummary, losses_from_record
@@ -28,10 +29,7 @@ if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
-    from rpud_sim.bag.tables import Batch, Tables
-
-# Greatest size of the chunks that are open at once, because they overlap in time [bytes].
-_OVERLAP_LIMIT = 256 * 2**20
+    from rpud_sim.bag.tables import RowTable, Tables
 
 
 class BagReader:
@@ -177,7 +175,7 @@ class BagReader:
         start: int = 0,
         duration: int | None = None,
         leave_out: Callable[[str, str], object] | None = None,
-    ) -> Iterator[Batch]:
+    ) -> Iterator[RowTable]:
         """Yield the messages of topics as columns, batch by batch, in bounded memory.
 
         Args:
@@ -225,9 +223,13 @@ class BagReader:
         ``index`` is the name of the column that becomes the index, such as ``header.stamp``; None
         for the first one. ``start`` and ``duration`` are as for ``tables``.
         """
-        from rpud_sim.bag.tables import to_frame
+        from rpud_sim.bag.tables import to_frame, with_datetimes
 
-        return to_frame(self._tables.table(topic), self.arrays(topic, start, duration), index)
+        table = self._tables.table(topic)
+        columns = with_datetimes(table, self.arrays(topic, start, duration))
+        return to_frame(
+            columns, {each.name: each.unit for each in table.columns}, index or next(iter(columns))
+        )
 
     def close(self) -> None:
         """Release the files."""
@@ -294,9 +296,9 @@ def _due_batches(
         reached = max([reached, *(int(batch.log_times[-1]) for batch in due)])
         yield due
         opened = [each for each in opened if each[0] >= chunk.start_time]
-        if opened and chunk.size + sum(size for _, size in opened) > _OVERLAP_LIMIT:
+        if opened and chunk.size + sum(size for _, size in opened) > OVERLAP_LIMIT:
             raise BagFormatError(
-                f"more than {_OVERLAP_LIMIT} bytes of chunks overlap in time, "
+                f"more than {OVERLAP_LIMIT} bytes of chunks overlap in time, "
                 "too much to put their messages in order"
             )
         last = -1

@@ -1,4 +1,4 @@
-"""MCAP records from untrusted bytes: the one place with the limits of a file.
+"""MCAP records from untrusted bytes.
 
 The ``mcap`` library parses each record from exactly its own bytes. By itself it reads as much as a
 length field says, and a few bytes of zstd may then take all memory.
@@ -26,18 +26,12 @@ from mcap.records import Chunk, McapRecord
 
 from rpud_sim.bag.batches import items
 from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
+from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.foundation.terminal import in_words
-
-CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
-DECLARATION_LIMIT = 16 * 2**20  # greatest record without messages, index or attachment [bytes]
-DECLARED_LIMIT = 64 * 2**20  # greatest size of all channels and schemas of a file [bytes]
-RECORDS_LIMIT = 2**22  # greatest number of records in a chunk; few bytes can be millions
-DECLARATIONS_LIMIT = 2**18  # greatest number of channels and schemas in a chunk
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression
 INDEX = struct.Struct("<HI")  # channel, length of the entries [bytes]
 # Beginning of a message's record; its bytes follow.
 HEAD = np.dtype(
@@ -52,7 +46,6 @@ HEAD = np.dtype(
 )
 ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])  # of a message index
 
-_LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
 _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
 _KINDS: dict[int, Any] = {
     Opcode.CHANNEL: kinds.Channel,
@@ -94,18 +87,12 @@ class RawRecord(NamedTuple):
     end: int
 
 
-def parse(record: RawRecord, *, exact: bool = False) -> McapRecord | None:
-    """Return the fields of a record; None for an unused kind, a ValueError for damaged values.
-
-    ``exact`` refuses bytes behind the last field.
-    """
+def parse(record: RawRecord) -> McapRecord | None:
+    """Return the fields of a record; None for an unused kind, a ValueError for damaged values."""
     kind = _KINDS.get(record.opcode)
     if kind is None:
         return None
-    stream = _Content(record.content)
-    parsed: McapRecord = kind.read(stream)
-    if exact and stream.count != len(record.content):
-        raise BagFormatError("a record is longer than its fields")
+    parsed: McapRecord = kind.read(_Content(record.content))
     return parsed
 
 
@@ -142,10 +129,7 @@ def split_records(data: bytes) -> tuple[list[RawRecord], np.ndarray, np.ndarray]
     declarations = (Opcode.SCHEMA, Opcode.CHANNEL)
     declared: dict[tuple[int, bytes], RawRecord] = {}
     starts: list[int] = []
-    count = 0  # of declarations
-    for _ in range(RECORDS_LIMIT):
-        if offset >= size:
-            break
+    while offset < size:
         if offset + head > size:
             raise BagFormatError("a record reaches beyond its chunk")
         opcode, length = unpack(data, offset)
@@ -156,14 +140,9 @@ def split_records(data: bytes) -> tuple[list[RawRecord], np.ndarray, np.ndarray]
         if opcode == message:
             starts.append(start)
         elif opcode in declarations:
-            count += 1
             content = data[start:offset]
             if (opcode, content) not in declared:
                 declared[opcode, content] = RawRecord(opcode, content, offset)
-            if count > DECLARATIONS_LIMIT:
-                raise BagFormatError(f"a chunk has more than {DECLARATIONS_LIMIT} declarations")
-    if offset < size:
-        raise BagFormatError(f"a chunk has more than {RECORDS_LIMIT} records")
     places = np.array(starts, np.int64) - RECORD.size
     heads = items(np.frombuffer(data, np.uint8), HEAD)[places] if starts else np.empty(0, HEAD)
     return [*declared.values()], places, heads
@@ -172,8 +151,8 @@ def split_records(data: bytes) -> tuple[list[RawRecord], np.ndarray, np.ndarray]
 def uncompressed(chunk: Chunk) -> bytes:
     """Return a chunk's uncompressed data; zstd has a ZstdError, LZ4 a RuntimeError of its own."""
     size, data = chunk.uncompressed_size, chunk.data
-    if size > CONTENT_LIMIT:
-        raise BagFormatError(f"a chunk has {size} bytes; at most {CONTENT_LIMIT} are read")
+    if size > RECORD_LIMIT:
+        raise BagFormatError(f"a chunk has {size} bytes; at most {RECORD_LIMIT} are read")
     if chunk.compression == "zstd":  # whose reader waits forever for the first byte
         data = zstandard.ZstdDecompressor().stream_reader(data).read(size + 1) if data else b""
     elif chunk.compression == "lz4":
@@ -208,10 +187,8 @@ class RecordFile:
         opcode, length = RECORD.unpack(head)
         if length > room:
             raise BagFormatError(f"a record of {length} bytes reaches beyond its place")
-        if length > _limit(opcode):
-            raise BagFormatError(
-                f"a record of kind {opcode} has {length} bytes; at most {_limit(opcode)} are read"
-            )
+        if length > RECORD_LIMIT:
+            raise BagFormatError(f"a record has {length} bytes; at most {RECORD_LIMIT} are read")
         content = self.content(offset + RECORD.size, length)
         if len(content) < length:
             raise BagFormatError("the file became shorter while it was read")
@@ -224,7 +201,7 @@ class RecordFile:
             return None
         opcode, length = RECORD.unpack(head)
         # A later version of the format, and others, may add kinds.
-        if not opcode or (opcode not in _ANY_LENGTH and length > _limit(opcode)):
+        if not opcode or (opcode not in _ANY_LENGTH and length > RECORD_LIMIT):
             return None
         return opcode, offset + RECORD.size + length
 
@@ -236,7 +213,3 @@ class RecordFile:
         if self.size - offset < RECORD.size:
             return offset <= self.size
         return self.head(offset) is not None or not any(self.content(offset, RECORD.size))
-
-
-def _limit(opcode: int) -> int:
-    return CONTENT_LIMIT if opcode in _LARGE else DECLARATION_LIMIT

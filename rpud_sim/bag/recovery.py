@@ -1,13 +1,12 @@
-"""Recovery of a torn or damaged bag into a whole one, in bounded memory.
+"""Recovery of the whole chunks of a torn or damaged bag into a new one, in bounded memory.
 
-Records follow each other by their lengths. After damage the next record must be searched. A chunk
-proves itself by its checksum; any other record by the lengths inside it and by the next record.
+Records follow each other by their lengths. Behind a record without a valid length the recovery
+continues at the next chunk that the summary section lists, and ends where there is none.
 """
 
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -28,8 +27,7 @@ from rpud_sim.bag.errors import (
     OtherStorageError,
 )
 from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files, without_copies
-from rpud_sim.bag.mcap_contents import summary_of
-from rpud_sim.bag.mcap_reader import REPEATED_KEY
+from rpud_sim.bag.mcap_contents import check_declared, summary_of
 from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -45,11 +43,8 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.reader import BagReader
 from rpud_sim.bag.records import (
-    CHUNK_HEAD,
-    DECLARED_LIMIT,
     HEAD,
     MAGIC,
-    MESSAGE,
     RECORD,
     UNREADABLE,
     RawRecord,
@@ -66,17 +61,6 @@ from rpud_sim.foundation.json_text import json_text
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
-
-_LONGEST_NAME = 32  # of a compression [bytes]
-_BLOCK = 1 << 20  # bytes that are searched together
-_FIRST_BLOCK = 1 << 12  # of a search: the next record is often near
-# Work of all searches in a file that found nothing: so many bytes, and four times the file. So
-# time grows with the file, whatever it has. A file that reaches it is not searched further.
-_EFFORT = 2**28
-_LOOK = _PARSING = 64  # work of looking at a place, and of parsing a byte, as bytes
-# A record that is worth finding: its kind, and a length below 4 GiB.
-_BEGINNING = re.compile(rb"[\x03-\x07\x0c](?=.{4}\x00{4})", re.DOTALL)
-_OF_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 
 
 def recover(
@@ -141,197 +125,99 @@ class _TornFile:
         self._numbers = numbers
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._declared = 0  # bytes of these
-        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag; 0 for none
+        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
         self._unknown = 0  # messages of undeclared channels
-        self._loose = bytearray()  # messages outside of chunks that are still to be added
-        self._chunked = False  # whether a chunk was found
+        self._loose = 0  # messages outside of chunks
         self._index_lost = False  # whether the next message indexes are those of a lost chunk
 
     def recover(self, progress: Callable[[int], object]) -> bool:
         """Recover the file, and return whether it holds anything of an MCAP file."""
-        expected = self._read_summary()
+        expected, listed = self._read_summary()
         with reading(self._path), self._path.open("rb") as stream:
             self._file = file = RecordFile(stream)
-            self._effort = 4 * file.size + _EFFORT
             held = file.content(0, len(MAGIC)) == MAGIC
-            offset, kind, ended = len(MAGIC) if held else 0, 0, False
+            offset, kind, ended = min(len(MAGIC), file.size), 0, False
             progress(offset)
             while offset < file.size and not ended:
                 ended = file.content(offset, len(MAGIC) + 1) == MAGIC
                 if ended:
                     end = file.size
-                elif (found := self._add(offset)) is not None:
+                elif found := self._add(offset):
                     kind, end = found
                     held = True
-                elif self._is_cut_off(offset):
-                    kind, end = 0, file.size
-                    self._damage(offset, end, "is a chunk that is cut off")
                 else:
-                    kind, end = 0, self._next(offset + 1)
-                    self._damage(offset, end, "holds no whole record")
+                    end = next((place for place in listed if place > offset), file.size)
+                    kind = 0
+                    self._damage(offset, end, f"({end - offset} bytes) is not a whole chunk")
                 progress(end - offset)
                 offset = end
-            self._add_loose()
         self._recovery.closed &= ended and kind == Opcode.FOOTER
+        if self._loose:
+            self._note(f"{self._loose} messages outside of chunks are left out")
         self._account(expected)
         return held
 
     def _add(self, offset: int) -> tuple[int, int] | None:
         """Add the record at an offset; return its kind and its end, None without a record."""
         head = self._file.head(offset)
-        if head is None:
+        if head is None or head[1] > self._file.size:
             return None
         kind, end = head
         if kind == Opcode.CHUNK:
-            self._add_loose()
             return head if self._add_chunk(offset, end) else None
-        if kind == Opcode.ATTACHMENT and self._file.continues(end):
+        if kind == Opcode.ATTACHMENT:
             self._note(f"byte {offset} to {end} is an attachment, which is left out")
-            return head
-        record = self._sound(offset)
-        if record is None:
-            return None
-        if kind == Opcode.MESSAGE_INDEX:
-            if self._index_lost:
-                channel, entries = message_index(record)
-                self._missing[channel] += len(entries)
-            return head
-        self._index_lost = False
-        if kind == Opcode.MESSAGE:
-            self._loose += self._file.content(offset, end - offset)
-        if kind != Opcode.MESSAGE or len(self._loose) > _BLOCK:
-            self._add_loose()
-        self._add_record(record, checked=False)
+        elif kind == Opcode.MESSAGE:
+            self._loose += 1
+        else:
+            try:
+                record = self._file.record(offset)
+                if kind != Opcode.MESSAGE_INDEX:
+                    self._index_lost = False
+                    self._add_record(record, checked=False)
+                elif self._index_lost:
+                    channel, entries = message_index(record)
+                    self._missing[channel] += len(entries)
+            except UNREADABLE:
+                return None
         return head
 
     def _add_chunk(self, offset: int, end: int) -> bool:
-        self._chunked = self._index_lost = True
+        """Add a chunk, or note why it is lost; return whether its length can be relied on."""
+        self._index_lost = True
         try:
             chunk = parse(self._file.record(offset))
             assert isinstance(chunk, Chunk)
-            data = uncompressed(chunk)
-        except UNREADABLE as error:
-            if end > self._file.size or not self._file.continues(end):
-                return False
-            reason = error if isinstance(error, BagFormatError) else "it cannot be uncompressed"
-            self._damage(offset, end, f"is a lost chunk: {reason}")
-            return True
-        checked = chunk.uncompressed_crc != 0
-        if not checked and not self._file.continues(end):
-            return False
-        try:
+            data, checked = uncompressed(chunk), chunk.uncompressed_crc != 0
             declarations, places, heads = split_records(data)
             for record in declarations:
                 self._add_record(record, checked)
+        except UNREADABLE as error:
+            if not self._file.continues(end):
+                return False
+            reason = error if isinstance(error, BagFormatError) else "it cannot be uncompressed"
+            self._damage(offset, end, f"is a lost chunk: {reason}")
+        else:
             self._add_messages(data, places, heads, checked)
             self._index_lost = False
-        except UNREADABLE as error:
-            reason = error if isinstance(error, BagFormatError) else "it holds what is no record"
-            self._damage(offset, end, f"is a lost chunk: {reason}")
         return True
 
-    def _is_cut_off(self, offset: int) -> bool:
-        """Return whether a chunk begins whose lengths agree, and reach beyond the file."""
-        head = self._file.head(offset)
-        if head is None or head[0] != Opcode.CHUNK or head[1] <= self._file.size:
-            return False
-        content = self._file.content(offset + RECORD.size, CHUNK_HEAD.size + _LONGEST_NAME + 8)
-        place = CHUNK_HEAD.size
-        if len(content) >= place:
-            place += CHUNK_HEAD.unpack_from(content)[-1]
-        if len(content) < place + 8:
-            return offset + RECORD.size + len(content) == self._file.size
-        size = int.from_bytes(content[place : place + 8], "little")
-        return offset + RECORD.size + place + 8 + size == head[1]
+    def _read_summary(self) -> tuple[Mapping[int, int], list[int]]:
+        """Declare what the summary section declares; return messages by channel, and chunks.
 
-    def _add_loose(self) -> None:
-        if self._loose:
-            loose, self._loose = bytes(self._loose), bytearray()
-            _, places, heads = split_records(loose)
-            self._add_messages(loose, places, heads, checked=False)
-
-    def _sound(self, offset: int, *, exact: bool = False) -> RawRecord | None:
-        """Return the record at ``offset`` if its lengths agree and another record follows.
-
-        A later version of the format may append fields; ``exact`` refuses a record that has them.
-        """
-        try:
-            record = self._file.record(offset)
-            parse(record, exact=exact)
-            if record.opcode == Opcode.MESSAGE_INDEX:
-                message_index(record)
-        except UNREADABLE:
-            return None
-        if record.opcode == Opcode.MESSAGE and len(record.content) < MESSAGE.size:
-            return None
-        return record if self._file.continues(record.end) else None
-
-    def _next(self, start: int) -> int:
-        """Return the offset of the next record that proves itself, or the end of the file."""
-        offset, size = start, _FIRST_BLOCK
-        while offset < self._file.size and self._effort > 0:
-            block = self._file.content(offset, size + RECORD.size - 1)
-            for match in _BEGINNING.finditer(block):
-                if match.start() >= size or self._effort <= 0:
-                    break
-                if self._proves_itself(offset + match.start()):
-                    return offset + match.start()
-            offset, size = offset + size, min(2 * size, _BLOCK)
-        return self._file.size
-
-    def _proves_itself(self, offset: int) -> bool:
-        """Return whether a record begins at ``offset``, in the time that the search still has."""
-        self._effort -= _LOOK
-        head = self._file.head(offset)
-        if head is None or head[1] > self._file.size:
-            return False
-        kind, end = head
-        if kind == Opcode.CHUNK:
-            return self._proves_chunk(offset)
-        if kind in _OF_CHUNKS and self._chunked:  # it is one of a damaged chunk
-            return False
-        if not self._file.continues(end):
-            return False
-        if kind == Opcode.MESSAGE:
-            return end - offset >= HEAD.itemsize
-        work = (end - offset) * _PARSING
-        self._effort -= work
-        if self._sound(offset, exact=True) is None:
-            return False
-        self._effort += work
-        return True
-
-    def _proves_chunk(self, offset: int) -> bool:
-        with suppress(*UNREADABLE):
-            record = self._file.record(offset)
-            work = len(record.content)
-            self._effort -= work
-            chunk = parse(record)
-            assert isinstance(chunk, Chunk)
-            work += chunk.uncompressed_size
-            self._effort -= chunk.uncompressed_size
-            if chunk.uncompressed_crc and uncompressed(chunk):
-                self._effort += work  # only what finds nothing is counted
-                return True
-        return False
-
-    def _read_summary(self) -> Mapping[int, int]:
-        """Declare what the summary section declares; return its number of messages by channel.
-
-        The result is empty if the section lacks something; of a damaged one nothing is declared.
+        The first is empty if the section lacks something; of a damaged one nothing is declared.
         """
         try:
             with reading(self._path), self._path.open("rb") as stream:
                 found = summary_of(RecordFile(stream))
         except BagError:
-            return {}
+            return {}, []
         declared: list[Schema | Channel] = [*found.schemas.values(), *found.channels.values()]
         for record in declared:
             self._declare(record, True)
-        return {} if found.lacks else found.counts
+        return {} if found.lacks else found.counts, sorted(chunk.start for chunk in found.chunks)
 
     def _add_record(self, raw: RawRecord, checked: bool) -> None:
         record = parse(raw)
@@ -355,10 +241,8 @@ class _TornFile:
         known: dict[int, Any] = self._schemas if isinstance(record, Schema) else self._channels
         if record.id in known and (not checked or known[record.id] == record):
             return
-        self._declared += len(repr(record))
-        if self._declared > DECLARED_LIMIT:
-            raise BagFormatError(f"{self._path} declares more than {DECLARED_LIMIT} bytes")
         known[record.id] = record
+        check_declared(self._schemas, self._channels)
         self._number_of.clear()
 
     def _add_messages(
@@ -374,12 +258,10 @@ class _TornFile:
         for channel, count in zip(channels.tolist(), counts.tolist(), strict=True):
             numbers[channel] = self._number(channel)
             self._found[channel] += count
-            if numbers[channel]:
-                account = self._recovery.topics[self._channels[channel].topic]
-                account.recovered += count
-                account.unchecked += 0 if checked else count
+            account = self._recovery.topics[self._channels[channel].topic]
+            account.recovered += count
+            account.unchecked += 0 if checked else count
         own = numbers[heads["channel"]]
-        places, heads, own = places[own > 0], heads[own > 0], own[own > 0]
         if not len(own):
             return
         heads["channel"] = own
@@ -390,7 +272,7 @@ class _TornFile:
         self._bag.write_records(MessageRecords(content, ends, own, log_times))
 
     def _number(self, channel_id: int) -> int:
-        """Return the number of a channel in the new bag, declared if it is new; 0 for none."""
+        """Return the number of a channel in the new bag, declared if it is new."""
         if channel_id not in self._number_of:
             channel = self._channels[channel_id]
             schema = self._schemas.get(channel.schema_id)
@@ -398,8 +280,7 @@ class _TornFile:
             metadata = tuple(sorted(channel.metadata.items()))
             key = (channel.topic, channel.message_encoding, kind, metadata)
             if key not in self._numbers:
-                repeated = REPEATED_KEY in channel.metadata  # another file has the same messages
-                self._numbers[key] = 0 if repeated else self._add_channel(channel, schema)
+                self._numbers[key] = self._add_channel(channel, schema)
             self._number_of[channel_id] = self._numbers[key]
         return self._number_of[channel_id]
 
@@ -434,10 +315,10 @@ class _TornFile:
 
     def _account(self, expected: Mapping[int, int]) -> None:
         for number, channel in self._channels.items():
-            if self._number(number):  # also without a message
-                missing = expected.get(number, 0) - self._found[number]
-                topic = self._recovery.topics[channel.topic]
-                topic.lost += max(0, missing, self._missing[number])
+            self._number(number)  # also without a message
+            missing = expected.get(number, 0) - self._found[number]
+            topic = self._recovery.topics[channel.topic]
+            topic.lost += max(0, missing, self._missing[number])
         undeclared = self._missing.keys() - self._channels.keys()
         unknown = self._unknown + sum(self._missing[number] for number in undeclared)
         if unknown:

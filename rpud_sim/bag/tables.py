@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -31,11 +30,6 @@ BATCH_SIZE = 64 * 2**20  # of a batch
 ARRAY_SIZE = 4 * 2**20  # of messages copied into arrays together: a processor's cache holds them
 TOTAL_SIZE = 256 * 2**20  # of all topics' messages that wait to become batches
 
-# Greatest definitions of all types of a bag together, without comments [characters].
-DEFINITIONS_LIMIT = 256 * 2**10
-
-_COMMENT = re.compile(r"#.*")
-_DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
@@ -49,8 +43,8 @@ _TIME_COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Consecutive rows of one topic."""
+class RowTable:
+    """Rows of consecutive messages of one topic, as columns."""
 
     topic: str  # its name
     # values of each column, by its name; ``Kind`` describes their form
@@ -101,7 +95,7 @@ class Table:
 
     def batch(
         self, batch: SerializedBatch, leave_out: Callable[[str], object] | None = None
-    ) -> Batch:
+    ) -> RowTable:
         """Return the rows of messages.
 
         ``leave_out`` is called with the reason for each message that is not of the type, which is
@@ -129,13 +123,13 @@ class Table:
                 kept.append(row)
         return self.batch(batch.part(np.array(kept, np.intp)))
 
-    def empty(self) -> Batch:
+    def empty(self) -> RowTable:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(SerializedBatch(self._name, none, none, data, none, none))
 
     def _batch(
         self, batch: SerializedBatch, columns: Mapping[str, np.ndarray | Sequences]
-    ) -> Batch:
+    ) -> RowTable:
         received = {"log_time": batch.log_times, "publish_time": batch.publish_times}
         if self._has_rows:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
@@ -144,7 +138,7 @@ class Table:
                 name: objects(each.rows()) if isinstance(each, Sequences) else each
                 for name, each in columns.items()
             }
-        return Batch(self._name, values, len(batch))
+        return RowTable(self._name, values, len(batch))
 
 
 @lru_cache(maxsize=256)  # topics of one type share it
@@ -166,8 +160,6 @@ class Tables:
         self._path, self._errors = path, errors
         self._known = {summary.topic.name: summary for summary in summaries}
         self._opened: dict[str, Table | BagFormatError] = {}
-        self._kinds: set[tuple[str, str, str]] = set()  # encodings, types and definitions of these
-        self._size = 0  # characters of the definitions
 
     @cached_property
     def left_out(self) -> dict[str, str]:
@@ -194,17 +186,8 @@ class Tables:
 
     def _open(self, name: str) -> Table | BagFormatError:
         if name not in self._opened:
-            summary = self._known[name]
-            for kind in summary.kinds - self._kinds:
-                self._kinds.add(kind)
-                self._size += len(_COMMENT.sub("", kind[-1])) + _DEFINITION_OVERHEAD
             try:
-                if self._size > DEFINITIONS_LIMIT:
-                    raise BagFormatError(
-                        f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
-                        "characters together, too many to compile"
-                    )
-                self._opened[name] = Table(summary)
+                self._opened[name] = Table(self._known[name])
             except BagFormatError as error:
                 self._opened[name] = error
         return self._opened[name]
@@ -215,7 +198,7 @@ class Tables:
         batches: Iterable[SerializedBatch],
         leave_out: Callable[[str, str], object] | None = None,
         limit: int | None = None,
-    ) -> Iterator[Batch]:
+    ) -> Iterator[RowTable]:
         """Yield the rows of messages, in their order within each topic.
 
         ``leave_out`` is called with the topic and the reason for each message that is not of its
@@ -226,7 +209,7 @@ class Tables:
         sizes = dict.fromkeys(tables, 0)  # of what waits
         total = 0
 
-        def decoded(name: str) -> Batch:
+        def decoded(name: str) -> RowTable:
             nonlocal total
             total -= sizes[name]
             batch, waiting[name], sizes[name] = joined(waiting[name]), [], 0
@@ -267,25 +250,25 @@ class Tables:
         }
 
 
+def with_datetimes(table: Table, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return columns whose integer nanoseconds are times and durations of NumPy."""
+    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
+    return {
+        each.name: columns[each.name].astype(dtypes.get(each.kind, columns[each.name].dtype))
+        for each in table.columns
+    }
+
+
 def to_frame(
-    table: Table, columns: Mapping[str, np.ndarray], index: str | None = None
+    columns: Mapping[str, np.ndarray], units: Mapping[str, str], index: str
 ) -> pandas.DataFrame:
-    """Return a pandas frame with a column as index, the first one by default."""
+    """Return a pandas frame with a column as index; ``attrs["units"]`` has the units."""
     pandas = import_extra("pandas", "a frame", "pandas")
-    index = index or table.columns[0].name
     if index not in columns:
         raise BagError(f"index = {index!r:.80} is no column; {did_you_mean(index, columns)}")
-    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
-    series = {
-        column.name: objects([*columns[column.name]])
-        if column.kind is Kind.ARRAY
-        else columns[column.name].astype(dtypes.get(column.kind), copy=False)
-        if column.kind in dtypes
-        else columns[column.name]
-        for column in table.columns
-    }
+    series = {n: objects([*each]) if each.ndim > 1 else each for n, each in columns.items()}
     frame = pandas.DataFrame(series).set_index(index)
-    frame.attrs["units"] = {column.name: column.unit for column in table.columns}
+    frame.attrs["units"] = dict(units)
     return frame
 
 

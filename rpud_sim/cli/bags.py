@@ -18,6 +18,7 @@ from rpud_sim.foundation.options import (
     start_option,
 )
 from rpud_sim.foundation.quantities import ParameterError, Quantity
+from rpud_sim.foundation.shown_quantities import NONE
 from rpud_sim.foundation.terminal import (
     LONGEST_LINE,
     LONGEST_NAME,
@@ -297,17 +298,16 @@ def _each(name: str, metavar: str = "N") -> dict[str, Any]:
 @command(
     "compare",
     "bags/before bags/after --tolerance 5 --out compare.html",
-    "compare two runs: settings, commands, bits and distributions",
+    "compare two runs: settings, metrics and bits",
     "The first run is the reference. Exit codes: 0 no difference found, or all within the "
-    "tolerance, 3 a figure differs or a part of a bag is damaged, 1 it cannot be decided or "
+    "tolerance, 3 a metric differs or a part of a bag is damaged, 1 it cannot be decided or "
     "failed, 2 wrong call.",
     JSON,
     bag=positional("A", "bag of the reference: a folder or one MCAP file"),
     other=positional("B", "bag to compare with it"),
-    begin=option(0.0, "compare figures from this simulation time on", SECONDS, flag="--from"),
+    begin=option(0.5, "compare metrics from this simulation time on", SECONDS, flag="--from"),
     end=option(None, "up to this time (default: end of the shorter run)", SECONDS, flag="--to"),
-    settle=option(0.5, "time excluded after start, commands and faults", SECONDS),
-    tolerance=option(None, "accepted difference: are they equivalent?", _PERCENT),
+    tolerance=option(None, "relative difference that does not matter", _PERCENT),
     run_numbers=option((), "run of a bag with several; once, or for each bag", RUN, **_each("run")),
     namespaces=option(
         (), "drill of a bag with several; once, or for each bag", **_each("namespace", "NAME")
@@ -319,14 +319,13 @@ def _each(name: str, metavar: str = "N") -> dict[str, Any]:
 )
 def _compare(options: Any) -> int:
     from rpud_sim.recorded.compare import compare
-    from rpud_sim.recorded.compare.results import content
 
     if options.out:
         from rpud_sim.recorded.compare.page import write_page
         from rpud_sim.recorded.output import check_new_file
 
         check_new_file(options.out)
-    names = ("begin", "end", "settle", "run_numbers", "namespaces", "quantities")
+    names = ("begin", "end", "run_numbers", "namespaces", "quantities")
     with progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [options.bag, options.other],
@@ -342,47 +341,33 @@ def _compare(options: Any) -> int:
             complain("rpud compare", f"{name}: left out {shown}: {reason}")
     if options.out:
         write_page(found, options.out)
-    print_result(
-        options,
-        {**content(found), "out": options.out},
-        lambda: _comparison_lines(found, options.out),
-    )
+    content = {**found.content(), "out": options.out}
+    print_result(options, content, lambda: _comparison_lines(found, options.out))
     if found.damaged or found.differs:
         return ExitCode.INCOMPLETE
-    return ExitCode.FAILED if found.undecided and not found.equal_bits else ExitCode.DONE
+    return ExitCode.FAILED if found.undecided else ExitCode.DONE
 
 
 def _comparison_lines(found: Comparison, page: str | None) -> Iterator[str]:
-    from rpud_sim.recorded.compare.estimates import DIFFERS, UNDECIDED
-    from rpud_sim.recorded.compare.results import (
-        LETTERS,
-        bits_line,
-        figure_table,
-        setting_tables,
-    )
+    from rpud_sim.recorded.compare.comparison import METRIC_HEAD
 
-    for letter, name, run in zip(LETTERS, found.names, found.values, strict=True):
+    for letter, name, run in zip("AB", found.names, found.runs, strict=True):
         where = f"{run.drill.namespace or '/'}, run {run.drill.number} of {run.drill.runs}"
         yield printable(f"{letter}  {name}: {where}, {run.span or 'times unknown'}")
-    for _, head, rows in setting_tables(found):
-        if rows:
-            yield ""
-            yield from table(head, rows[:_MOST_LINES], left=1)
+    if found.settings:
+        yield ""
+        rows = [
+            (each.name, *(text or NONE for text in each.values), each.unit)
+            for each in found.settings
+        ]
+        yield from table(("setting", "A", "B", "unit"), rows[:_MOST_LINES], left=1)
         if len(rows) > _MOST_LINES:
             yield f"and {len(rows) - _MOST_LINES} more"
     yield ""
-    yield printable(f"B: {bits_line(found.bits)}")
-    for number, window in enumerate(found.windows):
+    yield printable(f"B: {found.bits_line}")
+    if found.metrics:
         yield ""
-        yield printable(f"{window.name}: {window.spans}")
-        chosen = (
-            each
-            for each in found.differences
-            if each.window == number
-            and (each.figure == "mean" or each.decision in (DIFFERS, UNDECIDED))
-        )
-        _, head, rows = figure_table(chosen)
-        yield from table(head, rows, left=2)
+        yield from table(METRIC_HEAD, found.metric_rows, left=2)
     yield ""
     yield found.verdict
     if page:

@@ -101,8 +101,8 @@ actuator | actuator tip | | mm | plane | 1e-8 | any |
 free_mass | free mass | | mm | mass | 1e-8 | any |
 drill_tool | drill tool | | mm | tool | 1e-8 | any | DrillTool.displacement
 electrical_power | electrical power | | W | power | 1e-6 | | ActuatorState Status
-actuator_power | power of the vibration | | W | power | 1e-6 | | Power Status
-absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Power Status
+actuator_power | power of the vibration | | W | power | 1e-6 | | Power
+absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Power
 power | power | | W | power | 1e-6 | |
 depth | depth | | mm | depth | 1e-9 | | Borehole Status
 penetration_rate | penetration rate | | mm/min | depth | 1e-10 | | Borehole Status
@@ -120,7 +120,7 @@ resonance_frequency | resonance | | kHz | plane | 1e-3 | any | Status ActuatorSt
 temperature | stack temperature | | °C | fault | 0 | any | Status.actuator_temperature ActuatorState
 packed_cuttings | packed cuttings | | mm³ | depth | 1e-13 | | Borehole
 bit_wear | wear of the bit | | | tool | 1e-9 | | Borehole
-lateness | latest block | | ms | other | 1e-6 | | Timing.lateness_max Status.lateness_max
+lateness | latest block | | ms | other | 1e-6 | | Timing.lateness_max
 feed_rate | rate of the feed | | mm/s | command | 1e-9 | |
 impact_interval | impact interval | | ms | force | 1e-9 | |
 impact_velocity | impact velocity | | m/s | mass | 1e-6 | |

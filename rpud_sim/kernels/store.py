@@ -10,12 +10,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import grp
 import hashlib
 import os
 import pickle
 import platform
-import pwd
 import stat
 import sys
 import uuid
@@ -124,75 +122,31 @@ def kernel_name(function: str, signature: str, cpu: str, options: str, sources: 
     return f"{function}-{_digest(signature)[:8]}.{python}.{cpu}.{made_from[:24]}{SUFFIX}"
 
 
+class _RefusedError(OSError):
+    """File that is not used; the text is a line."""
+
+
 @functools.cache
-def _this_file() -> os.stat_result:
+def _package() -> os.stat_result:
     return os.stat(__file__)
 
 
-class _RefusedError(OSError):
-    """File or folder that is not used; the text is a line."""
-
-
 def _others_may_write(its: os.stat_result) -> bool:
-    """Whether others than this user, root and who writes this package may write something."""
-    own = _this_file()
+    """Whether others than this user, root and who writes this package may write a file."""
+    own = _package()
     trusted = own.st_mode & stat.S_IWGRP if its.st_gid == own.st_gid else 0
-    if its.st_mode & stat.S_IWGRP & ~trusted and _has_no_other_member(its.st_gid):
-        trusted = stat.S_IWGRP
     untrusted = (stat.S_IWGRP | stat.S_IWOTH) & ~trusted
     return its.st_uid not in (os.getuid(), 0, own.st_uid) or bool(its.st_mode & untrusted)
 
 
-@functools.cache
-def _has_no_other_member(group: int) -> bool:
-    """Whether a group is the one that this user alone has, as many distributions give."""
-    try:
-        user, its = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
-    except KeyError:
-        return False
-    own = (user.pw_gid, user.pw_name) == (group, its.gr_name)
-    return own and not set(its.gr_mem) - {user.pw_name}
-
-
-@contextlib.contextmanager
-def _opened(folder: Path, *, extended: bool = False) -> Iterator[int]:
-    """Open a folder, or raise a _RefusedError if other users may write it or replace it.
-
-    An ``extended`` one only gets a folder: others may write it if they cannot rename that. Each
-    step from the root is opened and then looked at, so nobody can change it between. Who may write
-    a folder above this package may replace the package itself: those are not looked at.
-    """
-    real = folder.resolve(strict=True)
-    descriptor = os.open("/", _FOLDER)
-    try:
-        for part in (*reversed(real.parents), real)[1:]:
-            outer, descriptor = descriptor, os.open(part.name, _FOLDER, dir_fd=descriptor)
-            os.close(outer)
-            its = os.fstat(descriptor)
-            if part != real or extended:
-                if part in _ABOVE:
-                    continue
-                if its.st_mode & stat.S_ISVTX:  # others may add files, and not rename ours
-                    its = os.stat_result((its.st_mode & ~0o022, *its[1:]))
-            if _others_may_write(its):
-                where = "it" if part == real else str(part)
-                text = f"{folder} is not used, because other users may write {where}"
-                raise _RefusedError(text)
-        yield descriptor
-    finally:
-        os.close(descriptor)
-
-
-_ABOVE = frozenset(Path(__file__).resolve().parents)
-_FOLDER = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 # A FIFO would wait for a writer, and a link may lead to where others write.
 _FILE = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 
 
-def _read_file(path: Path, folder: int) -> bytes:
-    """Return the content of a regular file in an open folder, or raise a _RefusedError."""
-    with open(os.open(path.name, _FILE, dir_fd=folder), "rb") as file:
+def _read_file(path: Path) -> bytes:
+    """Return the content of a regular file that no other user may write, as it was opened."""
+    with open(os.open(path, _FILE), "rb") as file:
         its = os.fstat(file.fileno())
         if not stat.S_ISREG(its.st_mode):
             raise _RefusedError(f"{path} is not used, because it is no regular file")
@@ -209,17 +163,17 @@ class KernelStore:
     """Folders that kernels are read from; a new one goes to the first that can be written to."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
-        self.folders = tuple(folders)  # the same
+        self.folders = tuple(folders)
         self.found: list[Path] = []  # files that were read
         self.written: list[Path] = []  # files that were written
         self.lost: list[str] = []  # names of those that could not be written anywhere
-        self.refused = ""  # why the latest file or folder was not used, a line; empty if none was
+        self.refused = ""  # why the latest file was not used, a line; empty if none was
 
     def read(self, name: str) -> object | None:
         """Return the content of a kernel's file; None if there is none that is whole."""
         for folder in self.folders:
-            with self._noting(), _opened(folder) as place:
-                data = _read_file(folder / name, place)
+            with self._noting():
+                data = _read_file(folder / name)
                 digest, body = data[:_DIGEST_SIZE], data[_DIGEST_SIZE:]
                 # Machine code that is cut short would end the process.
                 if hashlib.sha256(body).digest() != digest:
@@ -244,16 +198,13 @@ class KernelStore:
             with self._noting():
                 for each in reversed((folder, *folder.parents)):
                     each.mkdir(mode=0o755, exist_ok=True)
-                with _opened(folder) as place:
-                    part = f".{name}.{uuid.uuid4().hex}"
-                    try:
-                        descriptor = os.open(part, _NEW_FILE, 0o644, dir_fd=place)
-                        with open(descriptor, "wb") as file:
-                            file.write(hashlib.sha256(body).digest() + body)
-                        os.replace(part, name, src_dir_fd=place, dst_dir_fd=place)
-                    finally:
-                        with contextlib.suppress(FileNotFoundError):
-                            os.unlink(part, dir_fd=place)
+                part = folder / f".{name}.{uuid.uuid4().hex}"
+                try:
+                    with open(os.open(part, _NEW_FILE, 0o644), "wb") as file:
+                        file.write(hashlib.sha256(body).digest() + body)
+                    os.replace(part, folder / name)
+                finally:
+                    part.unlink(missing_ok=True)
                 self._drop_former(folder, name)
                 self.written.append(folder / name)
                 return folder / name
@@ -264,15 +215,11 @@ class KernelStore:
         """Return the folder that new kernels go to; None if there is none."""
         return next(filter(self._is_usable, self.folders), None)
 
-    def _is_usable(self, folder: Path) -> bool:
-        """Whether a folder can be written to or made, and no other user may replace it."""
+    @staticmethod
+    def _is_usable(folder: Path) -> bool:
+        """Whether a folder can be written to or made."""
         existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
-        if not (os.access(existing, os.W_OK | os.X_OK) and existing.is_dir()):
-            return False
-        untrusted = True
-        with self._noting(), _opened(existing, extended=existing != folder):
-            untrusted = False
-        return not untrusted
+        return os.access(existing, os.W_OK | os.X_OK) and existing.is_dir()
 
     @contextlib.contextmanager
     def _noting(self) -> Iterator[None]:

@@ -8,14 +8,11 @@ from functools import cache
 from rpud_sim.bag import SerializedBatch, Topic, TopicSummary
 from rpud_sim.bag.batches import joined
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.tables import Batch as RowBatch
-from rpud_sim.bag.tables import Table
+from rpud_sim.bag.tables import RowTable, Table
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.offline_bag import encoded
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
-
-_codec = cache(installed_codec)
 
 
 @cache
@@ -34,10 +31,10 @@ def field_units() -> dict[str, dict[str, str]]:
 
 def serialized(batch: Batch) -> SerializedBatch:
     """Return messages of the drill as a bag has them whose times are simulation time."""
-    return encoded(batch, _codec(TOPICS[batch.topic].type), "", 0)
+    return encoded(batch, installed_codec(TOPICS[batch.topic].type), "", 0)
 
 
-def rows_of(topic: str, batches: Iterable[SerializedBatch]) -> RowBatch:
+def rows_of(topic: str, batches: Iterable[SerializedBatch]) -> RowTable:
     """Return the rows of a topic's messages, with their columns."""
     table, found = drill_table(TOPICS[topic].type), list(batches)
     return table.batch(joined(found)) if found else table.empty()

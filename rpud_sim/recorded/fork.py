@@ -12,7 +12,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagExistsError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.offline_bag import BatchWriter, new_bag, new_manifest, reported
+from rpud_sim.recorded.offline_bag import drill_bag, kept_topics, new_manifest, reported
 from rpud_sim.recorded.runs import RecordedRun, run_of
 from rpud_sim.simulation.batch import Batch, rows_of
 from rpud_sim.simulation.block import boundaries_until, boundary
@@ -29,7 +29,6 @@ from rpud_sim.simulation.commands import COMMAND_NAMES
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.topics import offered_topics
 
 # Parameters of a node that a live fork may have otherwise, for they change no bit.
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
@@ -125,11 +124,8 @@ class Fork:
         """Return the simulation time at which it ends [ns]; without a duration, as recorded."""
         recorded, time = self.recorded, self.time
         end = recorded.end if duration is None else time + round(duration * SECOND)
-        if recorded.torn and (duration is None or end > recorded.end):
-            raise RecordingError(
-                f"the journal is complete up to {recorded.end / SECOND:.9g} s alone: "
-                f"{recorded.torn}; give a --duration that ends before"
-            )
+        if why := recorded.incomplete(None if duration is None else end):
+            raise RecordingError(f"{why}; give a --duration that ends before")
         if end <= time:
             at = f"--at = {time / SECOND:.9g} s"
             raise RecordingError(f"nothing is left of the recorded run after {at}: give --duration")
@@ -225,14 +221,11 @@ def write_fork(
     for batch in reported(forked, fork.reach, report):
         kept += [batch] if batch.topic == "journal" else []
         faults = [batch] if batch.topic == "faults" else faults
-    settings = forked.settings
-    offered = offered_topics(settings.values())
-    topics = {name: topic for name, topic in offered.items() if not topic.live}
-    manifest = new_manifest(settings.values(), fork.scenario, fork.origin)
+    values = forked.settings.values()
+    manifest = new_manifest(values, fork.scenario, fork.origin)
     zero = max(0, forked.origin)
     instant = zero + fork.time
-    with new_bag(out, fork.recorded.prefix, topics, manifest) as bag:
-        writer = BatchWriter(bag, fork.recorded.prefix, topics)
+    with drill_bag(out, fork.recorded.prefix, kept_topics(values), manifest) as writer:
         # As a recorder that begins at the instant would get the latched topics.
         writer.write(kept, zero, received=instant)
         writer.write((*faults, *fork.go_on(forked, end)), zero, received=instant)
@@ -284,8 +277,7 @@ def _check_instant(recorded: RecordedRun, time: int) -> None:
     if 0 <= time <= recorded.end:
         return
     end, at = recorded.end / SECOND, time / SECOND
-    if time > recorded.end and recorded.torn:
-        why = f"complete up to {end:.9g} s alone: {recorded.torn}"
-        raise RecordingError(f"--at = {at:.9g} s: the journal is {why}")
+    if why := recorded.incomplete(time):
+        raise RecordingError(f"--at = {at:.9g} s: {why}")
     which = f"run {recorded.number} of {recorded.runs} of the bag"
     raise RecordingError(f"--at = {at:.9g} s is outside {which}: [0, {end:.9g}] s")

@@ -50,11 +50,10 @@ def write_offline_bag(
     The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
     Its manifest is by default that of this program and machine. ``on_block`` is as of ``Run``.
     """
-    settings = plan.beginning.settings
-    chosen = {n: topic for n, topic in kept_topics(settings.values()).items() if n in topics}
-    manifest = manifest or new_manifest(settings.values(), scenario_text)
-    with new_bag(path, f"{NAMESPACE}/", chosen, manifest) as bag:
-        writer = BatchWriter(bag, f"{NAMESPACE}/", chosen)
+    values = plan.beginning.settings.values()
+    chosen = {n: topic for n, topic in kept_topics(values).items() if n in topics}
+    manifest = manifest or new_manifest(values, scenario_text)
+    with drill_bag(path, f"{NAMESPACE}/", chosen, manifest) as writer:
         for batches in run_batches(plan, round(duration * SECOND), chosen, report, on_block):
             writer.write(batches)
 
@@ -135,13 +134,13 @@ def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> SerializedBat
 
 
 @contextmanager
-def new_bag(
+def drill_bag(
     path: str | os.PathLike[str],
     prefix: str,
     topics: Mapping[str, DrillTopic],
     manifest: Manifest,
-) -> Iterator[BagWriter]:
-    """Yield a bag with a drill's topics, of which it will lose no message."""
+) -> Iterator[BatchWriter]:
+    """Yield a writer of a new bag with a drill's topics, of which it will lose no message."""
     with whole_bag(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, topic in topics.items():
@@ -151,7 +150,7 @@ def new_bag(
                 Topic(f"{prefix}{name}", topic.type, find_type_hash(topic.type), (offer,)),
                 find_definition(topic.type),
             )
-        yield bag
+        yield BatchWriter(bag, prefix, topics)
         losses = {f"{prefix}{name}": Losses() for name in topics}
         bag.add_record(LOSSES_RECORD, losses_to_record(losses))
 

@@ -12,6 +12,7 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message
+from rpud_sim.bag.batches import messages_of
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.quantities import listed
@@ -91,8 +92,8 @@ def rebuild(
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
         drill = find_drill(bag, Damages(bag), topic.rpartition("/")[0] or "/", run)
-        found = recorded_segments(bag.messages({topic}), installed_codec(_TYPE), bag.path)
-        first, last = drill.window
+        own = (each for batch in drill.of(bag.batches({topic})) for each in messages_of([batch]))
+        found = recorded_segments(own, installed_codec(_TYPE), bag.path)
         waveform = _Waveform(rate, start, duration)
         about = {"bag": str(bag.path), "topic": topic, "rate": rate, "run": run}
         with new_folder(out) as folder:
@@ -100,9 +101,7 @@ def rebuild(
             file = make_table(file_format, stem, _COLUMNS, {"rpud_sim": about})
             missing = 0
             with closing(file):
-                for place, count, values in waveform.rows(
-                    each for each in found if first <= each.published <= last
-                ):
+                for place, count, values in waveform.rows(found):
                     none = dict.fromkeys(CHANNELS, np.full(0 if values else count, np.nan))
                     stamps = _stamps(place, count, rate, waveform.origin)
                     file.write({"time": stamps, **(values or none)})

@@ -6,14 +6,16 @@ A message belongs to the last run that had begun when it was published.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.terminal import in_words
@@ -42,6 +44,7 @@ from rpud_sim.simulation.versions import engine_of, other_engine
 
 _EARLIEST, _LATEST = -(2**63), 2**63 - 1  # no time is beyond [ns]
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
+_FIRST_ENGINE = 6  # that this release reads, of release 0.3
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "end")
 
 
@@ -77,10 +80,14 @@ class RecordedRun:
     def topic(self, name: str) -> str:
         return self.prefix + name
 
-    @property
-    def begun(self) -> int:
-        """Publishing time of the run's beginning [ns]."""
-        return self.entries[0].publish_time
+    def incomplete(self, end: int | None = None) -> str:
+        """Return why the journal is not complete up to a simulation time [ns]; empty if it is.
+
+        None is for the end of the run.
+        """
+        if not self.torn or (end is not None and end <= self.end):
+            return ""
+        return f"the journal is complete up to {self.end / SECOND:.9g} s alone: {self.torn}"
 
     @property
     def closed(self) -> bool:
@@ -156,6 +163,14 @@ class RecordedRun:
         """Return whether messages belong to the run, by their publishing times [ns], (n,)."""
         return within(publish_times, self.window)
 
+    def of(self, batches: Iterable[SerializedBatch]) -> Iterator[SerializedBatch]:
+        """Yield the messages of the run among those of a bag; each batch has one origin."""
+        for batch in batches:
+            own = batch.part(self.holds(batch.publish_times))
+            if len(own):
+                for origin, part in _parts(own, self.origins(own.publish_times)):
+                    yield replace(part, run=self.number, origin=origin)
+
     def computed(self, until: int, wanted: Collection[str]) -> Iterator[Batch]:
         """Compute the messages of topics up to a simulation time [ns]; the origin is as recorded.
 
@@ -168,6 +183,23 @@ class RecordedRun:
                     yield batch
         except ChangeError as error:
             raise RecordingError(f"{self.journal}: {error}") from error
+
+
+def by_run(
+    runs: Sequence[RecordedRun], batches: Iterable[SerializedBatch]
+) -> Iterator[SerializedBatch]:
+    """Yield batches, each of one run with its number; 0 is before the first of the runs."""
+    edges = np.array([run.window[0] for run in runs])
+    for batch in batches:
+        for run, part in _parts(batch, np.searchsorted(edges, batch.publish_times, "right")):
+            yield replace(part, run=run)
+
+
+def _parts(batch: SerializedBatch, values: np.ndarray) -> Iterator[tuple[int, SerializedBatch]]:
+    """Yield the parts of a batch whose messages have one value, and that."""
+    cuts = np.flatnonzero(np.diff(values)) + 1
+    for first, last in pairwise([0, *cuts.tolist(), len(batch)]):
+        yield int(values[first]), batch.part(slice(first, last))
 
 
 def runs_of(
@@ -215,7 +247,7 @@ def find_drill(
     if any(s.topic.name == journal and s.message_count for s in bag.readable_topics):
         try:
             found = run_of(bag, run or 1, journal, damages)
-        except RecordingError as error:
+        except UnverifiableError as error:
             reason = f"{bag.path}: {error}"
             if run not in (None, 1):
                 raise RecordingError(reason) from error
@@ -292,6 +324,11 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
             f"cannot be decided: {orphans} entries of {journal.name} have no beginning; their "
             "recorder came too late, and no recorder of this package asked the drill for it"
         )
+    for entries, _ in groups:
+        beginning = entries[0].entry.content
+        engine = engine_of(beginning)
+        if not (isinstance(engine, int) and engine >= _FIRST_ENGINE):
+            raise RecordingError(f"{journal.name}: {other_engine(beginning)}")
     starts = [entries[0].publish_time for entries, _ in groups]
     timed = any(e.publish_time != e.log_time for entries, _ in groups for e in entries)
     if len(groups) > 1 and not (timed and all(np.diff(starts) > 0)):

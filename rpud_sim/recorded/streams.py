@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -87,7 +86,12 @@ class TopicStream:
         if self._batches:
             # Together, as each batch costs more than a few small messages.
             found, size = [self._batches.popleft()], 0
-            while self._batches and (size := size + len(found[-1].data)) < _FEW:
+            first = found[0]
+            while (
+                self._batches
+                and (self._batches[0].run, self._batches[0].origin) == (first.run, first.origin)
+                and (size := size + len(found[-1].data)) < _FEW
+            ):
                 found.append(self._batches.popleft())
             self._count(-sum(len(each.data) for each in found))
             self._passed += sum(map(len, found))
@@ -125,23 +129,6 @@ def read_together(readers: Iterable[tuple[Iterator[object], Sequence[TopicStream
             left.remove(chosen)
 
 
-@dataclass(frozen=True)
-class KeyedMessages:
-    """Messages of a topic with the key that identifies them in every stream."""
-
-    messages: SerializedBatch
-    runs: np.ndarray  # number of the run of each, ascending, shape (n,)
-    origins: np.ndarray  # stamp of zero in the time that streams share, shape (n,) [ns]
-
-    @cached_property
-    def times(self) -> np.ndarray:
-        """Stamps in the time that streams share, shape (n,) [ns]."""
-        return stamps_of(self.messages) - self.origins
-
-    def part(self, chosen: slice) -> KeyedMessages:
-        return KeyedMessages(self.messages.part(chosen), self.runs[chosen], self.origins[chosen])
-
-
 def stamps_of(block: SerializedBatch) -> np.ndarray:
     """Return the stamps of messages that begin with a header, shape (n,) [ns]."""
     whole = block.sizes >= _STAMP.stop
@@ -157,17 +144,22 @@ def stamps_of(block: SerializedBatch) -> np.ndarray:
     return stamps
 
 
+def _times(batch: SerializedBatch) -> np.ndarray:
+    """Return the stamps of messages since the origin of their run, shape (n,) [ns]."""
+    stamps = stamps_of(batch)
+    return np.where(stamps == UNREADABLE, UNREADABLE, stamps - batch.origin)
+
+
 class Head:
     """Next message of a stream."""
 
-    def __init__(self, held: KeyedMessages, number: int, codec: Codec) -> None:
-        self.topic = held.messages.topic
-        self.run, self.time = int(held.runs[number]), int(held.times[number])
-        self.origin = int(held.origins[number])
+    def __init__(self, held: SerializedBatch, number: int, codec: Codec) -> None:
+        self.topic, self.run, self.origin = held.topic, held.run, held.origin
+        self.time = int(_times(held.part(slice(number, number + 1)))[0])  # since the origin [ns]
         self.stamp = self.time + self.origin if self.time != UNREADABLE else 0
-        self.log_time = int(held.messages.log_times[number])
-        self.publish_time = int(held.messages.publish_times[number])
-        self.data = held.messages.message(number)
+        self.log_time = int(held.log_times[number])
+        self.publish_time = int(held.publish_times[number])
+        self.data = held.message(number)
         self._codec = codec
 
     @cached_property
@@ -186,14 +178,14 @@ class Head:
         return _shifted(self._codec.decode(self.data), self.origin)
 
 
-class Cursor:
-    """Place in a stream of one topic, whose parts may be empty."""
+class StreamHead:
+    """Place in a stream of one topic, whose parts are lists of batches and may be empty."""
 
-    def __init__(self, parts: Iterator[KeyedMessages | None], codec: Codec) -> None:
+    def __init__(self, parts: Iterator[list[SerializedBatch]], codec: Codec) -> None:
         self._parts = parts
         self._codec = codec
         self._ended = False
-        self._held: deque[KeyedMessages] = deque()
+        self._held: deque[SerializedBatch] = deque()
         self._heads: deque[Head] = deque()  # of the first messages
 
     def ready(self) -> bool:
@@ -201,16 +193,15 @@ class Cursor:
         return bool(self._held) or self._ended or self._take()
 
     def _take(self) -> bool:
-        part = next(self._parts, self)
-        if isinstance(part, Cursor):
+        part = next(self._parts, None)
+        if part is None:
             self._ended = True
             return True
-        if part is None or not len(part.runs):
-            return False
-        self._held.append(part)
-        return True
+        found = [batch for batch in part if len(batch)]
+        self._held += found
+        return bool(found)
 
-    def held(self) -> KeyedMessages | None:
+    def held(self) -> SerializedBatch | None:
         """Return the next messages of a cursor that is ready, at least one; None at the end."""
         return self._held[0] if self._held else None
 
@@ -219,10 +210,10 @@ class Cursor:
         while len(self._heads) <= ahead:
             number = len(self._heads)
             for part in self._held:
-                if number < len(part.runs):
+                if number < len(part):
                     self._heads.append(Head(part, number, self._codec))
                     break
-                number -= len(part.runs)
+                number -= len(part)
             else:
                 if self._ended:
                     return None
@@ -232,7 +223,7 @@ class Cursor:
     def skip(self, count: int) -> None:
         """Skip messages of those that ``held`` returned."""
         first = self._held.popleft()
-        if count < len(first.runs):
+        if count < len(first):
             self._held.appendleft(first.part(slice(count, None)))
         if count == 1 and self._heads:
             self._heads.popleft()
@@ -248,7 +239,9 @@ class Matched(NamedTuple):
     second: Head | None = None
 
 
-def matched(first: Cursor, second: Cursor, *, several_times: bool = False) -> Iterator[Matched]:
+def matched(
+    first: StreamHead, second: StreamHead, *, several_times: bool = False
+) -> Iterator[Matched]:
     """Match the messages of two streams of one topic, both in order, by run, time and number.
 
     Either side may lack messages. Only those that follow show whether one is missing or altered, so
@@ -275,7 +268,7 @@ def matched(first: Cursor, second: Cursor, *, several_times: bool = False) -> It
         yield Matched(first=one if takes[0] else None, second=other if takes[1] else None)
 
 
-def _takes(first: Cursor, second: Cursor) -> tuple[bool, bool]:
+def _takes(first: StreamHead, second: StreamHead) -> tuple[bool, bool]:
     """Return which sides' next messages belong together, or which one stands alone."""
     one, other = first.head(), second.head()
     if one is None or other is None:
@@ -296,23 +289,23 @@ def _takes(first: Cursor, second: Cursor) -> tuple[bool, bool]:
 
 
 def _equal_count(
-    first: KeyedMessages | None, second: KeyedMessages | None, several_times: bool
+    first: SerializedBatch | None, second: SerializedBatch | None, several_times: bool
 ) -> int:
     """Return how many messages, from the first on, are equal bit for bit but for their stamps."""
-    if first is None or second is None:
+    if first is None or second is None or first.run != second.run:
         return 0
-    count = min(len(first.runs), len(second.runs))
-    same = first.runs[:count] == second.runs[:count]
-    same &= first.messages.sizes[:count] == second.messages.sizes[:count]
-    shifts = bool((first.origins[:count] != second.origins[:count]).any())
+    count = min(len(first), len(second))
+    same = first.sizes[:count] == second.sizes[:count]
+    shifts = first.origin != second.origin
     if shifts:  # otherwise equal bytes have equal times
-        same &= first.times[:count] == second.times[:count]
         if several_times:
-            same &= first.origins[:count] == second.origins[:count]
+            return 0
+        parts = (each.part(slice(0, count)) for each in (first, second))
+        same &= np.equal(*map(_times, parts))
     if not (count := _leading(same)):
         return 0
-    sizes = first.messages.sizes[:count]
-    one, other = (_content(each.messages, count, shifts) for each in (first, second))
+    sizes = first.sizes[:count]
+    one, other = (_content(each, count, shifts) for each in (first, second))
     if np.array_equal(one, other):
         return count
     return int(np.searchsorted(np.cumsum(sizes), np.argmax(one != other), side="right"))

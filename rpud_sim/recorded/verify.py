@@ -10,8 +10,6 @@ from dataclasses import astuple, dataclass, replace
 from itertools import chain
 from typing import NamedTuple
 
-import numpy as np
-
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.batches import SerializedBatch
@@ -29,12 +27,10 @@ from rpud_sim.recorded.journal import (
     wrong_header,
 )
 from rpud_sim.recorded.offline_bag import encoded
-from rpud_sim.recorded.runs import RecordedRun, runs_of
+from rpud_sim.recorded.runs import RecordedRun, by_run, runs_of
 from rpud_sim.recorded.streams import (
-    Cursor,
     Head,
-    KeyedMessages,
-    TopicStream,
+    StreamHead,
     TopicStreams,
     difference,
     matched,
@@ -196,14 +192,14 @@ class _Proof:
 
     def _compare(self) -> dict[str, _TopicProof]:
         computed = TopicStreams(self._computed)
-        recorded = TopicStreams(self._bag.batches)
+        recorded = TopicStreams(lambda topics: by_run(self._runs, self._bag.batches(topics)))
         complete = _complete_from(self._bag, self._runs)
         proofs, readers = {}, []
         for name, codec in self._codecs.items():
             full = self._runs[0].topic(name)
             streams = computed.stream(full), recorded.stream(full)
             proofs[name] = _TopicProof(self._runs, complete)
-            cursors = [Cursor(self._keyed(stream), codec) for stream in streams]
+            cursors = [StreamHead(stream, codec) for stream in streams]
             readers.append((proofs[name].compare(*cursors), streams))
         try:
             read_together(readers)
@@ -214,7 +210,7 @@ class _Proof:
         return proofs
 
     def _computed(self, topics: Collection[str]) -> Iterator[SerializedBatch]:
-        """Compute messages of all runs; each counts as published at the beginning of its run."""
+        """Compute the messages of all runs."""
         prefix = self._runs[0].prefix
         names = {topic.removeprefix(prefix) for topic in topics}
         for run in self._runs:
@@ -223,22 +219,12 @@ class _Proof:
             end = run.end if run.closed or run.torn else run.end + _TAIL
             for batch in run.computed(end, names):
                 block = encoded(batch, self._codecs[batch.topic], prefix, run.origin)
-                yield replace(block, publish_times=np.full(len(block), run.begun))
+                yield replace(block, run=run.number)
                 time = int(batch.times[-1])
                 if time - counted >= SECOND:
                     self._count(time - counted)
                     counted = time
             self._count(end - counted)
-
-    def _keyed(self, stream: TopicStream) -> Iterator[KeyedMessages | None]:
-        """Yield messages with the number of their run, from 1; 0 before the first."""
-        edges = np.array([run.window[0] for run in self._runs])
-        for batches in stream:
-            for batch in batches:
-                runs = np.searchsorted(edges, batch.publish_times, side="right")
-                yield KeyedMessages(batch, runs, np.zeros(len(batch), np.int64))
-            if not batches:
-                yield None
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
@@ -312,7 +298,7 @@ class _TopicProof:
         self._runs, self._complete_from = runs, complete_from
         self._missing = 0  # computed messages skipped since the last recorded one
 
-    def compare(self, computed: Cursor, recorded: Cursor) -> Iterator[None]:
+    def compare(self, computed: StreamHead, recorded: StreamHead) -> Iterator[None]:
         """Compare all messages, step by step."""
         for step in matched(computed, recorded):
             if step.equal:

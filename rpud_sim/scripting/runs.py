@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpud_sim.bag import BagReader, Column, Kind
-from rpud_sim.foundation.extras import import_extra
+from rpud_sim.bag.tables import to_frame
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
@@ -201,12 +201,10 @@ class DrillRun:
 
         ``frame.attrs["units"]`` has the units.
         """
-        pandas = import_extra("pandas", "a frame", "pandas")
         columns = self[topic]
         kept = {n: each for n, each in columns.items() if n not in ("time", "header.stamp")}
-        frame = pandas.DataFrame(kept, index=pandas.Index(self.times(topic), name="time"))
-        frame.attrs["units"] = {"time": "s", **columns.units}
-        return frame
+        times = {"time": self.times(topic)}
+        return to_frame({**times, **kept}, {"time": "s", **columns.units}, "time")
 
     def waveform(self, rate: int, start: float = 0.0, duration: float | None = None) -> Columns:
         """Return every channel at any whole rate [Hz], exactly, with the times [s].

@@ -11,29 +11,23 @@ from pathlib import Path
 from typing import Any
 
 # Version of the engine. A release that changes any bit of a message has the next one, for a rerun
-# proves nothing about the bags of another engine. Release 0.1.0 has 1, and 0.2.0 has 3.
+# proves nothing about the bags of another engine.
 ENGINE = 6
 
 
 def engine_of(beginning: Any) -> Any:
-    """Return the engine version that a journal's entry ``begin`` names; bags of 0.1.0 name none."""
-    named = beginning if isinstance(beginning, Mapping) else {}
-    return named.get("engine", named.get("physics", 1))
+    """Return the engine version that a journal's entry ``begin`` names; 0 if it names none."""
+    return beginning.get("engine", 0) if isinstance(beginning, Mapping) else 0
 
 
 def other_engine(beginning: Any) -> str:
-    """Return in one line which release repeats a run of another engine; empty for this one."""
-    engine = engine_of(beginning)
-    if engine == ENGINE:
+    """Return in one line which release reads a run of another engine; empty for this one."""
+    if engine_of(beginning) == ENGINE:
         return ""
-    if engine in (2, 4, 5):
-        return f"made by engine {engine}, of no release: none proves it; this is engine {ENGINE}"
     made_by = beginning.get("made_by") if isinstance(beginning, Mapping) else None
     release = made_by.get("rpud_sim") if isinstance(made_by, Mapping) else None
     release = f"rpud_sim {release or 'of an unknown version'!s:.40}"
-    return (
-        f"made by engine {engine!s:.40} of {release}; this is engine {ENGINE}: {release} proves it"
-    )
+    return f"made by {release}, not by engine {ENGINE}: {release} reads it"
 
 
 @cache

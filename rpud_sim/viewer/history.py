@@ -218,8 +218,6 @@ class History:
         sources = shown.sources if shown else []
         for source in sorted(sources, key=lambda each: each.startswith("Status.")):  # it is slow
             known = [each for each in self.own_signals if each.source == source]
-            # Older bags have temperatures in K.
-            known = [each for each in known if shown and each.unit in ("", shown.si)]
             if found := [each for each in known if self.bins[-1].has(each.name)]:
                 return min(found, key=lambda signal: is_foreign(signal.topic))
         return None

@@ -35,7 +35,6 @@ from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
 
-_POWERS = (TOPICS["power"].type, TOPICS["status"].type)  # of mean powers; status: before 0.3
 BINS = 3000  # of a layer, at most
 MOMENTS = 12  # whose motion and numbers a report keeps
 
@@ -138,7 +137,7 @@ def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) 
     means = {
         signal.column: bins.mean(signal.name, 0.0, now)
         for signal in history.own_signals
-        if signal.type in _POWERS and signal.column.endswith("_power")
+        if signal.type == TOPICS["power"].type and signal.column.endswith("_power")
     }
     rows = [
         [name.replace("_", " "), f"{power * now:.4g}", _text("power", power)]

@@ -14,7 +14,8 @@ from sample_bags import write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError
-from rpud_sim.bag.records import CONTENT_LIMIT, MAGIC
+from rpud_sim.bag.limits import RECORD_LIMIT
+from rpud_sim.bag.records import MAGIC
 from rpud_sim.bag.recovery import recover
 
 
@@ -83,8 +84,8 @@ COMPLAINTS = {
 def bombs():
     """Return the hostile files by their names."""
     # A message that fills its chunk, so that each chunk stays open until it is taken.
-    message = struct.pack("<BQHIQQ", Opcode.MESSAGE, CONTENT_LIMIT - 9, 1, 0, 5, 5)
-    full = chunk("zstd", zeros(CONTENT_LIMIT, message), CONTENT_LIMIT)
+    message = struct.pack("<BQHIQQ", Opcode.MESSAGE, RECORD_LIMIT - 9, 1, 0, 5, 5)
+    full = chunk("zstd", zeros(RECORD_LIMIT, message), RECORD_LIMIT)
     bomb = zeros(GIGABYTE)
     string = record(Opcode.METADATA, b"\xf0\xff\xff\xff")
     notes = Metadata("notes", {"text": "x" * 10_000})

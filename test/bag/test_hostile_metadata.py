@@ -9,8 +9,8 @@ from sample_bags import LAUGHS, rewrite, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.bag.metadata import (
-    SIZE_LIMIT,
     load_offered_qos,
     losses_from_record,
     metadata_from_document,
@@ -53,9 +53,9 @@ def test_metadata_that_is_none_or_grows_is_refused(text):
 
 def test_a_document_of_gigabytes_is_refused_unread(tmp_path):
     path = write_bag(tmp_path / "run")
-    os.truncate(path / "metadata.yaml", 100 * SIZE_LIMIT)
+    os.truncate(path / "metadata.yaml", 100 * RECORD_LIMIT)
     [[read, recovered]] = read_in_bounded_memory(tmp_path).values()
-    assert f"has more than {SIZE_LIMIT} bytes" in read
+    assert f"has more than {RECORD_LIMIT} bytes" in read
     assert recovered == "10"  # the file itself is whole
 
 

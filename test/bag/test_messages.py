@@ -6,7 +6,7 @@ import tracemalloc
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 from sample_bags import (
     START,
     STRING_DEFINITION,
@@ -16,7 +16,6 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
-from rpud_sim.bag.recovery import recover
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
 ENTRIES = st.lists(
@@ -106,29 +105,6 @@ def test_they_are_the_same_whatever_wrote_the_file(
     assert times == sorted(times)
     if chunk_size > 10_000 or not chunked:  # in one part those of one time keep their order
         assert found == sorted(expected, key=lambda each: each.log_time)
-
-
-def test_of_an_old_split_bag_repeats_are_left_out(tmp_path):
-    """Split files of earlier releases began with the last messages of latched topics."""
-    entries = [("/a", START + number, b"abcd") for number in range(5)]
-    write_mcap(tmp_path / "run_0.mcap", entries[:3])
-    with (tmp_path / "run_1.mcap").open("wb") as stream:
-        writer = Writer(stream)
-        writer.start("ros2", "test")
-        channels = [
-            writer.register_channel("/a", "cdr", 0, metadata)
-            for metadata in ({"rpud_repeated": "true"}, {})
-        ]
-        for channel, time in zip((0, 1, 1), (2, 3, 4), strict=True):
-            writer.add_message(channels[channel], START + time, b"abcd", START + time)
-        writer.finish()
-    with rpud_sim.bag.open(tmp_path) as bag:
-        found = [message.log_time for message in bag.messages()]
-        assert found == [START + number for number in range(5)]
-        assert bag.message_count == bag.topics[0].message_count == 5
-    recovery = recover(tmp_path, tmp_path / "out")
-    assert recovery.complete
-    assert recovery.message_count == 5
 
 
 @pytest.fixture(scope="module")

@@ -203,21 +203,17 @@ def test_a_type_that_changed_within_a_bag_is_not_read_as_the_first(tmp_path):
         )  # every reader of a table asks: with 400 topics it was slow
 
 
-def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatch):
+def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path):
     path = tmp_path / "odd"
     with BagWriter(path) as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
         bag.add_topic(Topic("/wrong", "pkg/msg/Wrong"), "this is no definition !")
-        wide = "\n".join(f"float64 f{number}" for number in range(11))
-        bag.add_topic(Topic("/wide", "pkg/msg/Wide"), wide)
     write_mcap(path / "odd_1.mcap", [("/json", 1, b"{}")], encoding="json")
     (path / "metadata.yaml").unlink()
-    monkeypatch.setattr("rpud_sim.bag.columns.COLUMNS_LIMIT", 10)
     reasons = {
         "/json": "its messages are 'json'; only 'cdr' is read",
         "/untold": "the bag does not hold the definition of its type",
-        "/wide": "pkg/msg/Wide has more than 10 fields, too many for a table",
         "/wrong": "a definition of pkg/msg/Wrong cannot be understood",
     }
     with rpud_sim.bag.open(path) as bag:

@@ -78,7 +78,7 @@ def test_a_loss_is_shown_with_exit_code_3_and_json_has_the_account(tmp_path, rpu
     assert code == 3
     for text in (
         "recovered 34 messages",
-        "a chunk that is cut off",
+        "bytes) is not a whole chunk",
         "not closed: what its recorder had yet to write is missing",
     ):
         assert text in out

@@ -7,7 +7,7 @@ import pytest
 pytestmark = pytest.mark.extended
 
 CONFIG = Path(__file__).parents[2] / "config"
-BAG = Path(__file__).parents[1] / "data" / "0.2.0" / "run"
+BAG = Path(__file__).parents[1] / "data" / "0.2.0" / "offline_free"
 BAGS = ("lz4", "mcap", "rosbags", "zstandard")
 EXTRAS = ("distributed", "emcee", "matplotlib", "pandas", "pyarrow", "scipy", "tornado")
 

@@ -1,13 +1,10 @@
 """Files of kernels: whole or not used, and in the first folder that can be written to."""
 
-import grp
 import os
 import pickle
-import pwd
 
 import pytest
 
-from rpud_sim.kernels import store as store_module
 from rpud_sim.kernels.store import (
     BASELINE,
     BASELINE_FEATURES,
@@ -61,60 +58,21 @@ def belongs(monkeypatch, strange, **changed):
     monkeypatch.setattr(os, "fstat", changed_fstat)
 
 
-@pytest.mark.parametrize("strange", ["folder", "file"])
 @pytest.mark.parametrize("bits", [0o002, 0o020])
-def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(
-    store, strange, bits, monkeypatch
-):
+def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(store, bits, monkeypatch):
     file = store.write(NAME, pickle.dumps("machine code"))
-    path = file.parent if strange == "folder" else file
-    path.chmod(path.stat().st_mode | bits)
-    belongs(monkeypatch, path, st_gid=12345)  # a group that does not write this package
+    file.chmod(file.stat().st_mode | bits)
+    belongs(monkeypatch, file, st_gid=12345)  # a group that does not write this package
     assert store.read(NAME) is None
-    assert store.refused == f"{path} is not used, because other users may write it"
+    assert store.refused == f"{file} is not used, because other users may write it"
     assert store.refused in notice(Target(BASELINE), store)
-    if strange == "folder":
-        assert store.place() is None
-        assert store.write(NAME, pickle.dumps("mine")) is None
 
 
-@pytest.mark.parametrize("above", [0, 1, 2])
-def test_what_another_user_owns_or_what_is_below_it_is_not_read(store, monkeypatch, above):
+def test_what_another_user_owns_is_not_read(store, monkeypatch):
     file = store.write(NAME, pickle.dumps("machine code"))
-    path = (file, *file.parents)[above]
-    belongs(monkeypatch, path, st_uid=54321)
+    belongs(monkeypatch, file, st_uid=54321)
     assert store.read(NAME) is None
-    where = path if above == 2 else "it"
-    used = file if above == 0 else file.parent
-    assert store.refused == f"{used} is not used, because other users may write {where}"
-    assert (store.place() is None) == (above > 0)
-
-
-def test_below_a_folder_that_all_may_write_only_a_sticky_one_is_used(store, tmp_path):
-    file = store.write(NAME, pickle.dumps("machine code"))
-    tmp_path.chmod(0o777)
-    assert store.read(NAME) is store.write(NAME, b"") is store.place() is None
-    assert file.stat().st_size > 32
-    tmp_path.chmod(0o1777)
-    assert store.read(NAME) == "machine code"
-    assert KernelStore([tmp_path / "new" / "kernels"]).write(NAME, b"") is not None
-
-
-def test_a_folder_that_is_replaced_after_the_check_is_not_read(store, monkeypatch):
-    file = store.write(NAME, pickle.dumps("machine code"))
-    folder = file.parent
-    check = store_module._others_may_write
-
-    def replace(its):
-        if its.st_ino == file.parent.stat().st_ino:
-            monkeypatch.setattr(store_module, "_others_may_write", check)
-            folder.rename(folder.with_name("checked"))
-            KernelStore([folder]).write(NAME, pickle.dumps("forged"))
-        return check(its)
-
-    monkeypatch.setattr(store_module, "_others_may_write", replace)
-    assert store.read(NAME) == "machine code"
-    assert store.read(NAME) == "forged"
+    assert store.refused == f"{file} is not used, because other users may write it"
 
 
 def test_a_fifo_a_link_and_what_cannot_be_unpickled_are_not_read(store, tmp_path):
@@ -130,17 +88,6 @@ def test_a_fifo_a_link_and_what_cannot_be_unpickled_are_not_read(store, tmp_path
     store.write(NAME, b"cbuiltins\nint\n(S'x'\ntR.")
     assert store.read(NAME) is None
     assert store.refused.startswith(f"{file} is not used: ValueError")
-
-
-def test_the_group_that_a_user_has_alone_is_the_user(monkeypatch):
-    user = pwd.struct_passwd(("ann", "x", os.getuid(), 12345, "", "", ""))
-    monkeypatch.setattr("pwd.getpwuid", lambda _: user)
-    for name, members, ours in (("ann", [], True), ("ann", ["bob"], False), ("all", [], False)):
-        its = grp.struct_group((name, "x", 12345, members))
-        monkeypatch.setattr("grp.getgrgid", lambda _, its=its: its)
-        store_module._has_no_other_member.cache_clear()
-        assert store_module._has_no_other_member(12345) is ours
-    store_module._has_no_other_member.cache_clear()
 
 
 def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):

@@ -33,7 +33,7 @@ def runs_in(path):
 
 def test_a_message_belongs_to_the_last_run_that_had_begun_when_it_was_published(used):
     first, second = runs_in(used.path)
-    begun = second.begun
+    begun = second.entries[0].publish_time
     times = np.array([0, begun - 1, begun, begun + 1, 2**61])
     assert first.holds(times).tolist() == [True, True, False, False, False]
     assert second.holds(times).tolist() == [False, False, True, True, True]
@@ -154,7 +154,7 @@ def twice(message):
     [
         (unchanged, PROVED, "holds no journal"),
         (unchanged, ["journal"], "holds nothing that /rpud/journal could prove"),
-        (beginning(later_engine), None, r"rpud_sim 9\.0 proves it"),
+        (beginning(later_engine), None, r"rpud_sim 9\.0 reads it"),
         (numbered("journal", 1, twice), None, "entry 1 of the journal is there twice"),
         (
             numbered("journal", 0, lambda m: []),

@@ -1,6 +1,7 @@
 """Two streams compared by the block are as compared message by message, damaged ones too."""
 
-import numpy as np
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,9 +14,8 @@ from rpud_sim.recorded import streams
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.offline_bag import encoded
 from rpud_sim.recorded.streams import (
-    Cursor,
-    KeyedMessages,
     Matched,
+    StreamHead,
     TopicStreams,
     difference,
     matched,
@@ -98,16 +98,16 @@ def damaged(messages, damages):
 
 
 def keyed(blocks, run=0, origin=0):
-    """Yield messages with their keys, and nothing now and then, as where others are read first."""
+    """Yield messages with their run, and nothing now and then, as where others are read first."""
     for block in blocks:
-        yield KeyedMessages(block, np.full(len(block), run), np.full(len(block), origin))
-        yield None
+        yield [replace(block, run=run, origin=origin)]
+        yield []
 
 
 def steps(name, first, second, **options):
     """Give what matching says, with equal messages counted one by one."""
     found = []
-    cursors = [Cursor(keyed(blocks), CODECS[name]) for blocks in (first, second)]
+    cursors = [StreamHead(keyed(blocks), CODECS[name]) for blocks in (first, second)]
     for step in matched(*cursors, **options):
         if step == Matched():
             continue
@@ -143,10 +143,10 @@ def test_a_message_of_another_run_is_no_altered_one():
     """The last one of a run, and the next run without its first message: two that are alone."""
     block = COMPUTED["drill_tool"][0]
     part = block.part(slice(0, 4))
-    first = Cursor(keyed([part], run=2), CODECS["drill_tool"])
+    first = StreamHead(keyed([part], run=2), CODECS["drill_tool"])
     before = keyed([part.part(slice(3, 4))], run=1)
     rest = keyed([part.part(slice(1, None))], run=2)
-    second = Cursor((each for found in (before, rest) for each in found), CODECS["drill_tool"])
+    second = StreamHead((each for found in (before, rest) for each in found), CODECS["drill_tool"])
     found = [step for step in matched(first, second) if step != Matched()]
     assert [(step.first is None, step.second is None) for step in found[:2]] == [
         (True, False),

@@ -16,7 +16,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.metadata import Manifest
 from rpud_sim.recorded.journal import UnverifiableError, installed_codec
-from rpud_sim.recorded.offline_bag import BatchWriter, new_bag
+from rpud_sim.recorded.offline_bag import drill_bag
 from rpud_sim.recorded.streams import first_field
 from rpud_sim.recorded.verify import PROVED, verify
 from rpud_sim.simulation import preset
@@ -353,8 +353,7 @@ def commanded_bag(path, step, count, *, deferred):
     offered = offered_topics(settings.values())
     run = Run(Plan(Beginning(settings)), Journal(), offered.__contains__)
     random, waiting = np.random.default_rng(5), []
-    with new_bag(path, "/rpud/", offered, Manifest()) as bag:
-        writer = BatchWriter(bag, "/rpud/", offered)
+    with drill_bag(path, "/rpud/", offered, Manifest()) as writer:
         run.begin(0)
         writer.write(run.changes())
         for number in range(1, count + 1):

@@ -58,7 +58,7 @@ WAYS = {
     "compare": Way(
         3,
         lambda drawn, out: [
-            *(str(draw_bag(drawn, out.with_name("other"), 0.9)), "--settle", "0"),
+            *(str(draw_bag(drawn, out.with_name("other"), 0.9)), "--from", "0"),
             *drawn.choice([["--json"], ["--out", f"{out}.html"], ["--tolerance", "5"]]),
         ],
         0.9,

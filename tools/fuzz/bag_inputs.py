@@ -283,8 +283,6 @@ def _write_mcap(drawn: random.Random, file: Path, content: Content, odd: float) 
             schema = writer.register_schema(kind, encoding, text)
             offers = _maybe(drawn, OFFER, odd)
             metadata = {"offered_qos_profiles": offers, "topic_type_hash": type_hash}
-            if drawn.random() < odd:
-                metadata["rpud_repeated"] = "true"
             coding = "json" if drawn.random() < odd / 3 else "cdr"
             channels.append(writer.register_channel(name, coding, schema, metadata))
         for number, (topic, data, time) in enumerate(content.messages):

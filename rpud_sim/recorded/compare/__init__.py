@@ -1,6 +1,5 @@
 """Comparison of runs in bags; ``compare`` is the public face."""
 
-from rpud_sim.recorded.compare.comparison import compare
-from rpud_sim.recorded.compare.results import Comparison
+from rpud_sim.recorded.compare.comparison import Comparison, compare
 
 __all__ = ["Comparison", "compare"]

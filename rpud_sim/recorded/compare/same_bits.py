@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
-from rpud_sim.bag import BagFormatError, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, SerializedBatch, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.compare.values import OpenRun
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.recorded.streams import (
-    Cursor,
-    KeyedMessages,
+    StreamHead,
     TopicStream,
+    TopicStreams,
     difference,
     matched,
+    read_together,
 )
 from rpud_sim.simulation.topics import PROVED
 
@@ -39,90 +38,72 @@ class TopicBits(NamedTuple):
     field: str = ""  # in which both differ first; empty where a message is missing
     reference: str = ""  # reference, other: the field's values as texts, or what there is instead
     other: str = ""
-    note: str = ""  # why it is not compared, or which run goes on longer; empty otherwise
+    note: str = ""  # why it is not compared, or which run continues longer; empty otherwise
 
 
-def first_different(run: Sequence[TopicBits]) -> TopicBits | None:
-    """Return the topic that differs first; None if none does."""
-    found = [topic for topic in run if topic.state == DIFFERENT]
-    return min(found, key=lambda topic: topic.time or 0.0, default=None)
-
-
-# With the simulation time of what one run holds beyond the other [ns]; None without.
-Compared = tuple[TopicBits, int | None]
-
-
-def bits_readers(
-    reference: OpenRun, run: OpenRun, found: dict[str, Compared], report: Callable[[int], object]
-) -> Iterator[tuple[Iterator[object], Sequence[TopicStream]]]:
-    """Yield a reader for each topic that a run computes, for ``read_together``.
-
-    Each puts what it finds under the topic's name.
-    """
-    held = [_topics(each) for each in (reference, run)]
+def compare_bits(
+    bags: Sequence[BagReader],
+    runs: Sequence[RecordedRun],
+    end: float,
+    report: Callable[[int], object],
+) -> tuple[TopicBits, ...]:
+    """Compare the topics that a drill computes; both runs reach simulation time ``end`` [s]."""
+    held = [_topics(bag, run) for bag, run in zip(bags, runs, strict=True)]
+    sources = [
+        TopicStreams(partial(_own, bag, run, report)) for bag, run in zip(bags, runs, strict=True)
+    ]
+    found: dict[str, TopicBits] = {}
+    readers = []
     for topic in PROVED:
         summaries = [topics[topic] for topics in held if topic in topics]
         if len(summaries) == 1:
             lacking = "this run" if topic in held[0] else "the reference"
-            found[topic] = _not_compared(topic, f"{lacking} does not hold it")
+            found[topic] = TopicBits(topic, NOT_COMPARED, note=f"{lacking} does not hold it")
         elif summaries:
             try:
                 [(name, definition)] = {(s.topic.type, s.definition) for s in summaries}
                 codec = Codec(name, definition or "")
             except (BagFormatError, ValueError):
-                found[topic] = _not_compared(topic, "the definitions of its messages differ")
+                note = "the definitions of its messages differ"
+                found[topic] = TopicBits(topic, NOT_COMPARED, note=note)
                 continue
-            streams = [each.recorded.stream(each.drill.topic(topic)) for each in (reference, run)]
-            cursors = [
-                Cursor(_keyed(stream, each.drill, report), codec)
-                for stream, each in zip(streams, (reference, run), strict=True)
+            streams = [
+                source.stream(run.topic(topic)) for source, run in zip(sources, runs, strict=True)
             ]
-            yield _read(topic, streams, cursors, found), streams
+            readers.append((_read(topic, streams, codec, end, found), streams))
+    read_together(readers)
+    return tuple(found[topic] for topic in PROVED if topic in found)
 
 
-def _not_compared(topic: str, note: str) -> Compared:
-    return TopicBits(topic, NOT_COMPARED, note=note), None
+def _topics(bag: BagReader, run: RecordedRun) -> dict[str, TopicSummary]:
+    found = {s.topic.name: s for s in bag.readable_topics if s.message_count}
+    return {name: found[full] for name in PROVED if (full := run.topic(name)) in found}
 
 
-def bits_of(found: Mapping[str, Compared], end: float) -> tuple[TopicBits, ...]:
-    """Return what the readers found; both runs reach simulation time ``end`` [s]."""
-    return tuple(
-        bits if left is None or left <= end * SECOND else bits._replace(note="")
-        for bits, left in (found[topic] for topic in PROVED if topic in found)
-    )
-
-
-def _topics(run: OpenRun) -> dict[str, TopicSummary]:
-    found = {s.topic.name: s for s in run.bag.readable_topics if s.message_count}
-    return {name: found[full] for name in PROVED if (full := run.drill.topic(name)) in found}
-
-
-def _keyed(
-    stream: TopicStream, run: RecordedRun, report: Callable[[int], object]
-) -> Iterator[KeyedMessages | None]:
-    """Yield the messages of a run with their simulation times."""
-    for batches in stream:
-        for batch in batches:
-            report(len(batch))
-            own = batch.part(run.holds(batch.publish_times))
-            runs = np.zeros(len(own), np.int64)
-            yield KeyedMessages(own, runs, run.origins(own.publish_times))
-        if not batches:
-            yield None
+def _own(
+    bag: BagReader, run: RecordedRun, report: Callable[[int], object], topics: Collection[str]
+) -> Iterator[SerializedBatch]:
+    for batch in run.of(bag.batches(topics)):
+        report(len(batch))
+        yield batch
 
 
 def _read(
     topic: str,
     streams: Sequence[TopicStream],
-    cursors: Sequence[Cursor],
-    found: dict[str, Compared],
+    codec: Codec,
+    end: float,
+    found: dict[str, TopicBits],
 ) -> Iterator[None]:
-    found[topic] = yield from _compare_topic(topic, *cursors)
+    first, second = (StreamHead(stream, codec) for stream in streams)
+    found[topic] = yield from _compare_topic(topic, first, second, end)
     for stream in streams:
         stream.close()
 
 
-def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[None, None, Compared]:
+def _compare_topic(
+    topic: str, first: StreamHead, second: StreamHead, end: float
+) -> Generator[None, None, TopicBits]:
     """Compare up to the first difference."""
     equal = 0
     for step in matched(first, second, several_times=topic in _SEVERAL_TIMES):
@@ -132,21 +113,23 @@ def _compare_topic(topic: str, first: Cursor, second: Cursor) -> Generator[None,
             yield
         elif one and other:
             if different := difference(one, other):
-                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *different), None
+                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *different)
             equal += 1
             yield
         elif only := one or other:
             left = (second if one else first).head() is None
             if left and equal:
-                note = f"{'the reference' if one else 'this run'} goes on longer"
-                return TopicBits(topic, EQUAL, equal, note=note), only.time
+                longer = f"{'the reference' if one else 'this run'} continues longer"
+                return TopicBits(
+                    topic, EQUAL, equal, note=longer if only.time > end * SECOND else ""
+                )
             if equal:
                 texts = ("a message", "nothing at this time")
                 texts = texts if one else texts[::-1]
-                return TopicBits(topic, DIFFERENT, equal, only.time / SECOND, "", *texts), None
+                return TopicBits(topic, DIFFERENT, equal, only.time / SECOND, "", *texts)
             yield  # a recorder that began later misses nothing before
         else:
             yield
     if not equal:
-        return _not_compared(topic, "the runs have no time in common")
-    return TopicBits(topic, EQUAL, equal), None
+        return TopicBits(topic, NOT_COMPARED, note="the runs have no time in common")
+    return TopicBits(topic, EQUAL, equal)

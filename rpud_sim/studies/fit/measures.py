@@ -227,7 +227,7 @@ _TOPICS = {
     "borehole": {"depth": "depth"},
     "actuator_state": {"electrical_energy": "electrical_energy"},
     "power": {"actuator_power": "actuator_power"},
-    "status": {"depth": "depth", "actuator_power": "actuator_power"},  # power: before 0.3
+    "status": {"depth": "depth"},
 }
 
 Series = dict[str, tuple[np.ndarray, np.ndarray]]  # times [s] and values, by field

@@ -1,4 +1,4 @@
-"""Bags side by side: which runs they are, what was done to them, their bits, figures and page."""
+"""Bags side by side: which runs they are, what was done to them, their bits and metrics."""
 
 import json
 import math
@@ -14,9 +14,7 @@ from rpud_sim.bag.columns import to_plain
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError, streams
 from rpud_sim.recorded.compare import compare
-from rpud_sim.recorded.compare.estimates import DIFFERS
-from rpud_sim.recorded.compare.page import difference_picture, figures_of_window
-from rpud_sim.recorded.compare.results import texts
+from rpud_sim.recorded.compare.metrics import DIFFERS
 from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
@@ -37,16 +35,9 @@ def made(tmp_path_factory):
         ("other", DRILLING, 0.6, ()),
         ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6, ()),
         ("faulty", DRILLING, 0.1, scenario),
-        ("faulty too", DRILLING, 0.7, scenario),
     ):
         write_offline_bag(folder / name, parameters, 2.0, phase, scene)
     return folder
-
-
-@pytest.fixture(scope="module")
-def found(made):
-    """A comparison in which figures differ."""
-    return compare([made / "a", made / "heavier"])
 
 
 def states(found):
@@ -60,10 +51,10 @@ def test_a_run_made_twice_has_equal_bits(made):
     found = compare([made / "a", made / "again"])
     assert found.equal_bits
     assert set(states(found).values()) == {"equal"}
-    assert (found.parameters, found.versions, found.commands, found.faults) == ((), (), (), ())
+    assert found.settings == ()
     assert not found.differs
     assert not found.undecided
-    assert {each.difference for each in found.differences if each.low == each.low} == {0.0}
+    assert all(each.reference == each.other for each in found.metrics)
 
 
 def test_the_first_difference_is_found_to_the_field(made, tmp_path):
@@ -95,11 +86,11 @@ def test_a_recording_of_a_part_is_compared_as_far_as_it_goes(
     monkeypatch.setattr(streams, "_MOST_WAITING", most)
     path = altered(made / "a", tmp_path / "part", kept)
     for pair in ((made / "a", path), (path, made / "a")):
-        found = compare(pair, settle=0.1)
+        found = compare(pair, begin=0.1)
         assert "different" not in states(found).values()
         assert states(found)["nodal_plane"] == states(found)["contact_force"] == "equal"
-        begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
-        assert (begin, end) == pytest.approx((0.1, 0.5) if part == "early" else (0.5, 2.0), abs=0.1)
+        spans = {"early": (0.1, 0.5), "late": (0.5, 2.0)}
+        assert (found.begin, found.end) == pytest.approx(spans[part], abs=0.1)
 
 
 def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
@@ -120,7 +111,7 @@ def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
     path = merged(tmp_path / "shifted", (stamped, SHIFT, "/rpud"))
     found = compare([made / "a", path])
     assert found.equal_bits
-    assert found.values[1].end == found.values[0].end
+    assert found.runs[1].end == found.runs[0].end
     assert not compare([path, made / "other"]).equal_bits
 
 
@@ -129,51 +120,23 @@ def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
 
 def test_other_parameters_are_named_and_their_effect_is_found(made):
     found = compare([made / "a", made / "heavier"])
-    assert {(each.name, each.unit, each.values) for each in found.parameters} == {
+    assert set(found.settings) == {
         ("initial_phase", "cycles", ("0.1", "0.6")),
         ("weight_on_bit", "N", ("8", "20")),
     }
-    differing = [each for each in found.differences if each.decision == DIFFERS]
-    assert any(each.relative > 0.1 for each in differing)
+    differing = [each for each in found.metrics if each.result == DIFFERS]
+    assert any(each.relative_low > 0.1 or each.relative_high < -0.1 for each in differing)
     assert found.differs
     assert not compare([made / "a", made / "other"]).differs
     with bags.open(made / "a") as bag:
         stamps = bag.arrays("/rpud/contact_force")["header.stamp"]
-    begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
+    begin, end = found.begin, found.end
     count = ((stamps >= begin * SECOND) & (stamps < end * SECOND)).sum()
-    rate = found.figures[0]["impact_rate"][0].estimates["mean"]
-    assert rate.value == pytest.approx(count / (end - begin))
+    [rate] = [each.reference for each in found.metrics if each.quantity == "impact_rate"]
+    assert rate == pytest.approx(count / (end - begin), rel=0.005)
 
 
-def test_the_page_sorts_by_effect_and_marks_what_does_not_differ_as_hollow(found):
-    rows = figures_of_window(found, 0)
-    effects = [abs(each.relative) for each in rows if each.decision == DIFFERS]
-    assert len(effects) > 1
-    assert effects == sorted(effects, reverse=True)
-    assert [each.decision == DIFFERS for each in rows[: len(effects)]] == [True] * len(effects)
-    drawn = difference_picture(found, 0).content
-    assert "fill: none; stroke: var(--muted)" in drawn  # a ring: no difference is found
-    for each in rows:  # no digit far below the interval
-        *_, value, interval = texts(each)
-        assert len(value.strip("+-%").replace(".", "").strip().lstrip("0")) <= 6, value
-        assert interval.count(".") <= 2
-
-
-def test_faults_are_aligned_and_divide_the_time(made):
-    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
-    [fault] = found.faults
-    assert fault.text == "bias of wrench magnitude 3"
-    assert (fault.times, fault.ends) == ((0.2, 0.2), (pytest.approx(0.3),) * 2)
-    spans = [(window.begins[0], window.ends[0]) for window in found.windows]
-    assert spans[0] == pytest.approx((0.02, 0.2))
-    assert spans[1] == pytest.approx((0.32, 2.0), abs=0.01)
-    found = compare([made / "a", made / "faulty"])
-    assert [event.times for event in found.faults] == [(None, 0.2)]
-    assert len(found.windows) == 1
-    assert any("faults differ" in text for text in found.warnings)
-
-
-def test_commands_that_differ_mix_causes(made, tmp_path, capsys):
+def test_commands_and_faults_that_differ_are_settings(made, tmp_path, capsys):
     paths = []
     for number, later in enumerate((1.0, 1.2)):
         file = tmp_path / f"{number}.yaml"
@@ -181,17 +144,16 @@ def test_commands_that_differ_mix_causes(made, tmp_path, capsys):
         paths.append(tmp_path / f"forked{number}")
         words = ("--at", "0.4", "--commands", file, "--out", paths[-1])
         assert called(capsys, "fork", made / "a", *words)[0] == 0
-    found = compare(paths, settle=0.05)
-    assert [event.times for event in found.commands] == [(0.9, 0.9), (1.4, 1.6)]
-    begins, ends = zip(*((w.begins, w.ends) for w in found.windows), strict=True)
-    assert begins[1:] == (pytest.approx((0.95, 0.95)), pytest.approx((1.45, 1.65)))
-    assert ends[:2] == ((0.9, 0.9), (1.4, 1.6))
-    # A change before the time that is compared only has to settle.
-    found = compare(paths, begin=0.92, settle=0.05)
-    assert found.windows[0].begins == pytest.approx((0.95, 0.95))
-    found = compare([made / "a", paths[0]])
-    assert [event.times[0] for event in found.commands] == [None, None]
-    assert any("the commands differ" in text for text in found.warnings)
+    drive = [each for each in compare(paths).settings if "drive" in each.name]
+    assert [each.values for each in drive] == [("at 1.400000 s", ""), ("", "at 1.600000 s")]
+    weight, _ = compare([made / "a", paths[0]]).settings
+    assert weight == ("weight_on_bit: force 12", "", ("", "at 0.900000 s"))
+    found = [
+        each for each in compare([made / "a", made / "faulty"]).settings if "bias" in each.name
+    ]
+    [(name, _, times)] = found
+    assert name.startswith("fault bias: channel wrench, magnitude 3")
+    assert times == ("", "at 0.200000 s")
 
 
 def test_a_run_of_several_is_chosen(made, tmp_path):
@@ -203,7 +165,7 @@ def test_a_run_of_several_is_chosen(made, tmp_path):
     found = compare([path, path], run_numbers=[1, 2])
     assert not found.equal_bits
     assert found.names == (f"{path} /rpud run 1", f"{path} /rpud run 2")
-    assert found.values[1].begin < 0.1
+    assert found.runs[1].begin < 0.1
     with pytest.raises(RecordingError, match=r"run = 3 is outside its range \[1, 2\]"):
         compare([path, path], run_numbers=[3])
 
@@ -221,9 +183,9 @@ def test_a_drill_of_several_is_chosen(made, tmp_path):
 def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     names = {f"/rpud/{name}" for name in ("contact_force", "nodal_plane")}
     path = altered(made / "a", tmp_path / "bare", unchanged, names)
-    found = compare([path, made / "other"], settle=0.1)
+    found = compare([path, made / "other"], begin=0.1)
     assert any("holds no journal" in text for text in found.warnings)
-    quantities = {each.quantity for each in found.differences}
+    quantities = {each.quantity for each in found.metrics}
     assert "peak_force" in quantities
     assert "reacting_force" not in quantities
     assert states(found)["waveform"] == "not compared"
@@ -242,6 +204,6 @@ def test_runs_whose_messages_show_no_time_are_compared_by_their_bits(made, tmp_p
     assert "cut (1): no message shows its time" in err
     page = tmp_path / "page.html"
     code, out, _ = called(capsys, "compare", cut, made / "a", "--out", page)
-    assert (code, "not decided: too few values" in out, page.exists()) == (3, True, True)
+    assert (code, "not decided: record longer runs" in out, page.exists()) == (3, True, True)
     assert "nan" not in out.split()
     assert "inf" not in out.split()
