@@ -216,12 +216,13 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
 	@echo "Compiling the model ..."
-	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.precompile
+	@PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
 	@touch $@
 
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@echo "Building the package ..."
+	@rm -rf build/rpud_sim # else a launch file that was removed ends the build
 	@$(COLCON_BUILD) rpud_sim
 	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@
