@@ -127,7 +127,7 @@ kills: install/.package .venv/.rest ## Kill KILLS recordings (1000) at random mo
 .PHONY: soak
 soak: DURATION = 1800
 soak: install/.package .venv/.rest ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
-	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
+	@$(WITH_ENV) python -m bench soak --seconds $(DURATION)
 
 .PHONY: fuzz
 fuzz: N = 100000

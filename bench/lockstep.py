@@ -10,8 +10,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.page import ROOT
-from bench.table import Goal, Row, row
+from bench.table import ROOT, Row, row
 from rpud_sim.testing import LockstepDrill, open_drill
 
 _TURNS = 3
@@ -73,12 +72,12 @@ def lockstep() -> Iterator[Row]:
         drill.step(1.0)
         for _ in range(_TURNS):
             answered.append(_speed(drill, _ANSWERS, 1))
-    yield row("a step of 60 s alone: times real time", alone, "", Goal(least=200))
-    yield row("hundred steps of 0.1 s alone: times real time", short, "", Goal(least=40))
+    yield row("a step of 60 s alone: times real time", alone, least=200)
+    yield row("hundred steps of 0.1 s alone: times real time", short, least=40)
     what = "a node that receives 100 Hz and answers at 10 Hz: times real time"
-    yield row(what, answered, "", Goal(least=20))
+    yield row(what, answered, least=20)
     suite = [_wall(_SUITE) for _ in range(_TURNS)]
-    yield row("suite of the tutorial: wall time", suite, "s", Goal(most=4.7))
+    yield row("suite of the tutorial: wall time", suite, "s", most=4.7)
     with tempfile.TemporaryDirectory() as folder:
         tests = Path(folder, "test_starts.py")
         tests.write_text(_TESTS)
