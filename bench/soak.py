@@ -37,9 +37,8 @@ def soak(seconds: float = SECONDS) -> Iterator[Row]:
     yield row("soak: real-time factor less one", apart, "ppm", least=-_PACE, most=_PACE)
     yield row("soak: blocks late by a period", int(values["deadlines_missed"]), most=0)
     yield row("soak: messages dropped by the node", int(values["messages_dropped"]), most=0)
-    yield row(
-        "soak: messages missing", sum(each.missing for each in talk.hearing.gaps.values()), most=0
-    )
+    missing = sum(each.missing for each in talk.hearing.gaps.values())
+    yield row("soak: messages missing", missing, most=0)
     yield row("soak: messages heard", sum(talk.hearing.messages.values()), least=1)
     # The status counts an impact when it begins, the message comes when it has ended.
     counted, heard = (talk.hearing.last(name) for name in ("status", "contact_force"))
@@ -68,5 +67,6 @@ def pace(pairs: Sequence[tuple[int, int]]) -> float:
     if len(pairs) < 3:
         return np.nan
     # Counted from the first, as epoch nanoseconds are too long for a float.
-    counted = np.array([[each - first for each, first in zip(p, pairs[0])] for p in pairs], float)
+    stamp, arrival = pairs[0]
+    counted = np.array([(s - stamp, a - arrival) for s, a in pairs], float)
     return float(linregress(counted[:, 1], counted[:, 0]).slope)

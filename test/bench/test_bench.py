@@ -1,4 +1,4 @@
-"""Rows stand beside their goals, two commits are compared by turns, and each check of the soak can fail."""
+"""Rows stand beside their goals, commits are compared by turns, and the soak can fail."""
 
 import subprocess
 import sys
