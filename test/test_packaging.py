@@ -40,6 +40,7 @@ def test_the_installed_version_is_that_of_the_manifest():
         ("rpud_sim/ros/graph.py", ("^", "import nav_msgs.msg\n"), "imports nav_msgs, of which"),
     ],
 )
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # by catkin_pkg
 def test_a_manifest_that_is_wrong_is_named(tmp_path, monkeypatch, file, change, complaint):
     for name in ("package.xml", "msg_defs/package.xml", "rpud_sim/ros/graph.py"):
         text = (ROOT / name).read_text()

@@ -18,6 +18,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.recorded.streams import TopicStream, TopicStreams
+from rpud_sim.simulation.fault_kinds import fault_text
 from rpud_sim.simulation.topics import TOPICS
 
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
@@ -253,8 +254,7 @@ def _fault(state: Mapping[str, Any], origin: int) -> RecordedFault:
         return (join_seconds(moment["sec"], moment["nanosec"]) - origin) / SECOND
 
     magnitude = float(state["magnitude"])
-    text = str(state["kind"])[:40]
-    text += f" of {state['channel']!s:.80}" if state["channel"] else ""
+    text = fault_text(str(state["kind"])[:40], str(state["channel"])[:80])
     text += f" magnitude {magnitude:g}" if math.isfinite(magnitude) else ""
     clear = None if state["active"] else since(state["clear"])
     return RecordedFault(since(state["onset"]), int(state["number"]), text, clear)

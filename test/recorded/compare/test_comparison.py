@@ -162,7 +162,7 @@ def test_the_page_sorts_by_effect_and_marks_what_does_not_differ_as_hollow(found
 def test_faults_are_aligned_and_divide_the_time(made):
     found = compare([made / "faulty", made / "faulty too"], settle=0.02)
     [fault] = found.faults
-    assert fault.text == "bias of wrench magnitude 3"
+    assert fault.text == "bias on wrench magnitude 3"
     assert (fault.times, fault.ends) == ((0.2, 0.2), (pytest.approx(0.3),) * 2)
     spans = [(window.begins[0], window.ends[0]) for window in found.windows]
     assert spans[0] == pytest.approx((0.02, 0.2))
