@@ -51,8 +51,7 @@ def test_a_manifest_that_is_wrong_is_named(tmp_path, monkeypatch, file, change, 
         (tmp_path / "msg_defs" / folder).symlink_to(ROOT / "msg_defs" / folder)
     monkeypatch.setattr(check_repository, "ROOT", tmp_path)
     monkeypatch.setattr(check_repository, "MESSAGES", tmp_path / "msg_defs" / "package.xml")
-    (found,) = check_repository.manifests()
-    assert complaint in found
+    assert complaint in "\n".join(check_repository.manifests())
 
 
 @pytest.mark.parametrize(
