@@ -53,6 +53,7 @@ KNOWN = {  # values of fields, by their names
     "id": (0, 1, 2, 3, *range(8, 256)),  # those that an active drill has would end it, rightly
     "label": ("configure", "activate", "cleanup", "", *hostile.WORDS),
     "state": (*(0, 1, 2) * 80, *{*range(256)} - {SimulationState.STATE_QUITTING}),
+    "magnitude": (*(0.0, 0.5) * 30, *hostile.NUMBERS),
     "sec": (*(0, 1, 2) * 4, *hostile.WHOLES, -1, 2**31 - 1, -(2**31)),
     "entries_from": (0,),  # its page grows with the journal
 }
