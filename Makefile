@@ -127,7 +127,7 @@ kills: install/.package .venv/.rest ## Kill KILLS recordings (1000) at random mo
 .PHONY: soak
 soak: DURATION = 1800
 soak: install/.package .venv/.rest ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
-	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
+	@$(WITH_ENV) python -m bench soak --seconds $(DURATION)
 
 .PHONY: fuzz
 fuzz: N = 100000
@@ -216,12 +216,13 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
 	@echo "Compiling the model ..."
-	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.precompile
+	@PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
 	@touch $@
 
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@echo "Building the package ..."
+	@rm -rf build/rpud_sim # else a launch file that was removed ends the build
 	@$(COLCON_BUILD) rpud_sim
 	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@

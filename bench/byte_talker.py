@@ -24,6 +24,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, required=True)
     parser.add_argument("--rate", type=float, required=True)
     parser.add_argument("--seconds", type=float, required=True)
+    parser.add_argument("--alone", action="store_true", help="begin although nobody listens")
     arguments = parser.parse_args()
     content = serialize_message(UInt8MultiArray(data=random.Random(0).randbytes(arguments.size)))
     rclpy.init()
@@ -31,7 +32,7 @@ def main() -> None:
     # A depth of 100 MB at most: large messages that wait take memory.
     depth = min(_DEPTH, max(10, 100_000_000 // arguments.size))
     publisher = node.create_publisher(UInt8MultiArray, arguments.topic, QoSProfile(depth=depth))
-    while not publisher.get_subscription_count():
+    while not (arguments.alone or publisher.get_subscription_count()):
         time.sleep(0.01)
     time.sleep(0.5)  # the match is known there as well
     print("begins", flush=True)

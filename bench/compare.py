@@ -7,7 +7,6 @@ processor's. The exit code is 1 if the whole interval of something is above the 
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import shutil
 import subprocess
@@ -15,68 +14,47 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy import stats
 
 from bench.command import RPUD, run
-from bench.page import KEPT, ROOT
+from bench.table import ROOT
 
+KEPT = ROOT / "build/bench"
 NEGLIGIBLE = 0.02
 """Smaller differences come from the place of files and memory: copies of one version have them."""
-FEWEST = 3
-"""Pairs that an interval needs."""
-
 _SEARCH_PATHS = ("PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH")
 _DRILL = (*RPUD, "simulate", "--regime", "drilling", "--duration")
-_SWEEP = """
-design: latin_hypercube
-points: 400
-repeat: 10
-duration: 0.2
-swept:
-  weight_on_bit: {minimum: 5.0, maximum: 20.0}
-"""
+WORKS = {  # {bag} is made before, {out} is a new folder
+    "simulate": (*_DRILL, "300"),
+    "simulate of the paper's tables": (*_DRILL, "300", "--config", "tables_drilling.yaml"),
+    "simulate --bag": (*_DRILL, "20", "--bag", "{out}/bag"),
+    "ensemble": (*_DRILL, "2", "--repeat", "400"),
+    "verify": (*RPUD, "verify", "{bag}"),
+    "export": (*RPUD, "export", "{bag}", "--out", "{out}/tables"),
+    "report": (*RPUD, "report", "{bag}", "--out", "{out}/report.html"),
+    "info": (*RPUD, "info", "{bag}"),
+}
 
 
-def works(given: Path, out: Path) -> dict[str, Sequence[str | Path]]:
-    """Return the words of each work, from the folder of the inputs and one for what it writes."""
-    return {
-        "simulate": (*_DRILL, "300"),
-        "simulate --bag": (*_DRILL, "20", "--bag", out / "bag"),
-        "verify": (*RPUD, "verify", given / "bag"),
-        "export": (*RPUD, "export", given / "bag", "--out", out / "tables"),
-        "report": (*RPUD, "report", given / "bag", "--out", out / "report.html"),
-        "info": (*RPUD, "info", given / "bag"),
-        "sweep": (*RPUD, "sweep", given / "sweep.yaml", "--out", out / "sweep"),
-    }
+def ratio(pairs: Sequence[tuple[float, float]], comparisons: int = 1) -> tuple[float, float, float]:
+    """Return second over first times (geometric mean), and the ends of its interval.
 
-
-WORKS = tuple(works(Path(), Path()))
-
-
-class Ratio(NamedTuple):
-    """Time of the work tree over that of the base."""
-
-    value: float  # geometric mean over the pairs
-    low: float  # ends of the interval, by Student's t on the logarithms of the pairs' ratios
-    high: float
-
-    def __str__(self) -> str:
-        """Return the verdict in one line."""
-        faster = "faster" if self.high < 1.0 / (1.0 + NEGLIGIBLE) else "no difference seen"
-        verdict = "slower" if self.low > 1.0 + NEGLIGIBLE else faster
-        return f"{verdict}: {self.value:.3f} times the time ({self.low:.3f} to {self.high:.3f})"
-
-
-def ratio(pairs: Sequence[tuple[float, float]], comparisons: int = 1) -> Ratio:
-    """Return the ratio of second to first times; all intervals hold at once with 95 %."""
+    By Student's t on the logarithms; all intervals hold at once with 95 % (Bonferroni).
+    """
     logarithms = np.log([second / first for first, second in pairs])
-    mean = float(logarithms.mean())
-    error = float(logarithms.std(ddof=1)) / math.sqrt(len(pairs))
-    reach = float(stdtrit(len(pairs) - 1, 1.0 - 0.025 / comparisons)) * error  # Bonferroni
-    return Ratio(math.exp(mean), math.exp(mean - reach), math.exp(mean + reach))
+    reach = stats.sem(logarithms) * stats.t.ppf(1.0 - 0.025 / comparisons, len(pairs) - 1)
+    mean = logarithms.mean()
+    low, middle, high = (float(each) for each in np.exp([mean - reach, mean, mean + reach]))
+    return middle, low, high
+
+
+def verdict(middle: float, low: float, high: float) -> str:
+    """Return a ratio in one line."""
+    faster = "faster" if high < 1.0 / (1.0 + NEGLIGIBLE) else "no difference seen"
+    word = "slower" if low > 1.0 + NEGLIGIBLE else faster
+    return f"{word}: {middle:.3f} times the time ({low:.3f} to {high:.3f})"
 
 
 def checkout(commit: str) -> Path:
@@ -107,25 +85,31 @@ def environment(tree: Path) -> dict[str, str]:
     return made
 
 
-def compare(trees: tuple[Path, Path], names: Sequence[str], pairs: int) -> dict[str, Ratio]:
-    """Return the ratio of the second tree's time to the first's, for each work."""
+def compare(
+    trees: tuple[Path, Path], names: Sequence[str], pairs: int
+) -> dict[str, list[tuple[float, float]]]:
+    """Return pairs of the times of both trees, for each work."""
     environments = [environment(tree) for tree in trees]
     times: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
     with tempfile.TemporaryDirectory() as folder:
-        given, out = Path(folder, "given"), Path(folder, "out")
-        run(works(given, given)["simulate --bag"], environments[0])  # a later version can read it
-        (given / "sweep.yaml").write_text(_SWEEP)
+        bag, out = Path(folder, "given", "bag"), Path(folder, "out")
+
+        def took(name: str, which: int) -> float:
+            out.mkdir()
+            words = [str(word).format(bag=bag, out=out) for word in WORKS[name]]
+            used = run(words, environments[which]).processor
+            shutil.rmtree(out)
+            return used
+
+        run((*_DRILL, "20", "--bag", bag), environments[0])  # a later version can read it
         for turn in range(-1, pairs):  # the first one compiles
             for name in names:
-                took = [0.0, 0.0]
-                for each in (0, 1) if turn % 2 == 0 else (1, 0):
-                    out.mkdir()
-                    took[each] = run(works(given, out)[name], environments[each]).processor
-                    shutil.rmtree(out)
+                order = (0, 1) if turn % 2 == 0 else (1, 0)
+                found = {which: took(name, which) for which in order}
                 if turn >= 0:
-                    times[name].append((took[0], took[1]))
+                    times[name].append((found[0], found[1]))
             print(f"turn {turn + 1} of {pairs} is done", file=sys.stderr, flush=True)
-    return {name: ratio(found, len(names)) for name, found in times.items()}
+    return times
 
 
 def main() -> int:
@@ -138,12 +122,13 @@ def main() -> int:
     arguments = parser.parse_args()
     if unknown := {*arguments.names} - {*WORKS}:
         parser.error(f"there is no {', '.join(sorted(unknown))}; there is {', '.join(WORKS)}")
-    if arguments.pairs < FEWEST:
-        parser.error(f"--pairs is {arguments.pairs}; it must be at least {FEWEST}")
-    trees = checkout(arguments.base), ROOT
-    ratios = compare(trees, arguments.names or list(WORKS), arguments.pairs)
-    print(*(f"{name}: {found}" for name, found in ratios.items()), sep="\n")
-    return int(any(each.low > 1.0 + arguments.threshold / 100.0 for each in ratios.values()))
+    if arguments.pairs < 3:
+        parser.error(f"--pairs is {arguments.pairs}; an interval needs at least 3")
+    names = arguments.names or list(WORKS)
+    found = compare((checkout(arguments.base), ROOT), names, arguments.pairs)
+    ratios = {name: ratio(pairs, len(found)) for name, pairs in found.items()}
+    print(*(f"{name}: {verdict(*each)}" for name, each in ratios.items()), sep="\n")
+    return int(any(low > 1.0 + arguments.threshold / 100.0 for _, low, _ in ratios.values()))
 
 
 if __name__ == "__main__":

@@ -5,37 +5,38 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import struct
 import subprocess
-import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import rclpy
+from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import Result
 from rpud_msgs.srv import ResetSimulation
 
-from bench.hearing import Hearing
-from bench.machine import used_by
 from rpud_sim.foundation.child_process import end_with_parent
+from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.drill.publishers import OF_NODE
+from rpud_sim.ros.endpoints import SequenceGaps
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.topics import TOPICS
 
 _KINDS = {name: message_class(topic.type) for name, topic in {**TOPICS, **OF_NODE}.items()}
 _STARTING = 60.0  # that a process may take until it is heard [s]
-_ENDING = 30.0  # that processes may take to end after SIGINT [s]
-_SETTLING = 2.0  # between the first message and the first figure [s]
-
-
-class Counted(NamedTuple):
-    """What was heard per second, and the process' share of one core."""
-
-    bytes: float
-    impacts: float
-    share: float
+_ENDING = 30.0  # that a process may take to end after SIGINT [s]
+_SETTLING = 2.0  # between the first message and the first result [s]
+_TAKE_PERIOD = 0.002  # [s]
+_ANSWERING = 10.0  # that a reply may take [s]
+_POLL_PERIOD = 1e-4  # between looks for a reply [s]
+_STAMP = struct.Struct("<iI")  # after the four bytes of the encapsulation
 
 
 @contextlib.contextmanager
@@ -48,62 +49,121 @@ def ros() -> Iterator[None]:
         rclpy.try_shutdown()
 
 
+def called(client: Client) -> Any:
+    """Call a service; take its reply when the middleware has it.
+
+    An executor would add milliseconds of its own, and take messages.
+    """
+    client.call_async(client.srv_type.Request())
+    end = time.monotonic() + _ANSWERING
+    while (reply := client.handle.take_response(client.srv_type.Response)[1]) is None:
+        if time.monotonic() > end:
+            raise RuntimeError(f"no reply within {_ANSWERING:g} s")
+        time.sleep(_POLL_PERIOD)
+    return reply
+
+
+class Hearing:
+    """Counts of what is heard on all topics of a drill, and the last message of each.
+
+    Messages are taken as bytes and in batches: an executor costs so much more for each that on a
+    busy machine the listener would be what loses them.
+    """
+
+    def __init__(self, node: Node) -> None:
+        kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
+        self.messages = dict.fromkeys(kinds, 0)
+        self.gaps = {name: SequenceGaps(lambda: 1) for name in kinds}
+        self.bytes = 0
+        self.delays = DelayHistogram()  # of impacts, from the stamp to the arrival
+        self.soonest: tuple[int, int] | None = None  # stamp and monotonic arrival of a nodal plane
+        self._last: dict[str, bytes] = {}
+        self._subscriptions = {
+            name: node.create_subscription(
+                kind, name, lambda _: None, QoSProfile(depth=5000), raw=True
+            )
+            for name, kind in kinds.items()
+        }
+
+    def last(self, topic: str) -> Any:
+        """Return the last message of a topic, None before the first."""
+        content = self._last.get(topic)
+        return deserialize_message(content, _KINDS[topic]) if content else None
+
+    def take(self) -> None:
+        """Hear what has come since the last call."""
+        for name, subscription in self._subscriptions.items():
+            handle, kind = subscription.handle, _KINDS[name]
+            with handle:
+                while (taken := handle.take_message(kind, True)) is not None:
+                    self._count(name, *taken)
+
+    def _count(self, name: str, data: bytes, info: Mapping[str, int]) -> None:
+        self.gaps[name].record(info["publication_sequence_number"])
+        self.messages[name] += 1
+        self.bytes += len(data)
+        self._last[name] = data
+        if name in ("contact_force", "nodal_plane"):
+            stamp = join_seconds(*_STAMP.unpack_from(data, 4))
+            if name == "contact_force":
+                self.delays.add(info["received_timestamp"] - stamp)
+                return
+            # When it came to this process, however much later it is heard.
+            arrival = time.monotonic_ns() - (time.time_ns() - info["received_timestamp"])
+            if self.soonest is None or arrival - stamp < self.soonest[1] - self.soonest[0]:
+                self.soonest = stamp, arrival
+
+    def take_until(self, condition: Callable[[], bool], seconds: float) -> bool:
+        """Hear until a condition holds, but not longer than this; tell whether it does."""
+        end = time.monotonic() + seconds
+        while not (holds := condition()) and time.monotonic() < end:
+            self.take()
+            time.sleep(_TAKE_PERIOD)
+        return holds
+
+
 class Talk:
     """A drill's node in a process of its own, and what is heard of it."""
 
     def __init__(self, parameters: Mapping[str, object]) -> None:
         self.namespace = f"/bench_{os.getpid()}_{time.monotonic_ns()}"
         self.node: Node = rclpy.create_node("listener", namespace=self.namespace)
-        kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
-        self.hearing = Hearing(self.node, kinds, ("status", "/diagnostics"), ("contact_force",))
-        words = [f"{key}:={value}" for key, value in parameters.items()]
-        self._process = subprocess.Popen(
-            [
-                *("drill_node", "--ros-args", "-r", f"__ns:={self.namespace}"),
-                *("--log-level", "error"),
-                *(word for pair in words for word in ("-p", pair)),
-            ],
-            preexec_fn=end_with_parent,
+        self.hearing = Hearing(self.node)
+        words = [word for k, v in parameters.items() for word in ("-p", f"{k}:={v}")]
+        command = ("drill_node", "--ros-args", "-r", f"__ns:={self.namespace}")
+        self.process = subprocess.Popen(
+            (*command, "--log-level", "error", *words), preexec_fn=end_with_parent
         )
 
     def __enter__(self) -> Talk:
         return self
 
     def __exit__(self, *_: object) -> None:
-        end([self])
-
-    def interrupt(self) -> None:
-        """Ask the process to end."""
-        self._process.send_signal(signal.SIGINT)
-
-    def wait(self, seconds: float) -> None:
-        """Wait until the process has ended, but not longer than this."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(max(0.0, seconds))
-
-    def close(self) -> bool:
-        """End the process if it still runs, and the listener; return whether it still ran."""
-        running = self._process.poll() is None
-        self._process.kill()
-        self._process.wait()
+        self.end()
         self.node.destroy_node()
-        return running
 
-    def status(self) -> Any:
-        """Return the last status."""
-        return self.hearing.last("status")
+    def end(self) -> int:
+        """End the process as Ctrl-C does, hearing its last messages; return its exit code."""
+        self.process.send_signal(signal.SIGINT)
+        if not self.hearing.take_until(lambda: self.process.poll() is not None, _ENDING):
+            self.process.kill()
+        self.process.wait()
+        self.listen(0.5)  # what is still on its way
+        return self.process.returncode
+
+    def memory(self) -> float:
+        """Return the resident memory of the process [KiB]."""
+        text = Path(f"/proc/{self.process.pid}/status").read_text()
+        return float(text.partition("VmRSS:")[2].split()[0])
 
     def diagnostics(self) -> dict[str, str]:
-        """Return the values of the process' last diagnostics, by key.
-
-        Another process' may be the last that was heard: then the next ones are waited for.
-        """
+        """Return the values of the process' last diagnostics, by key."""
         own: dict[str, str] = {}
 
         def found() -> bool:
             last = self.hearing.last("/diagnostics")
             for status in last.status if last else ():
-                if status.name.startswith(f"{self.namespace}/"):
+                if status.name.startswith(f"{self.namespace}/"):  # not another process'
                     own.update({pair.key: pair.value for pair in status.values})
             return bool(own)
 
@@ -111,57 +171,21 @@ class Talk:
             raise RuntimeError(f"no diagnostics within {_STARTING:g} s")
         return own
 
-    def settle(self, seconds: float = _SETTLING) -> None:
-        """Wait until the process is heard, and some seconds more."""
+    def settle(self) -> None:
+        """Wait until the process is heard, and some seconds more; then let the drill begin again.
+
+        Its counts of blocks are those from then on.
+        """
         if not self.hearing.take_until(lambda: self.hearing.messages["waveform"] > 0, _STARTING):
             raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
-        self.listen(seconds)
-
-    def reset(self) -> None:
-        """Let the drill begin again: its counts of blocks are those from now on."""
+        self.listen(_SETTLING)
         client = self.node.create_client(ResetSimulation, "simulation/reset")
-        client.wait_for_service(_STARTING)
-        answer = client.call_async(ResetSimulation.Request())
-        rclpy.spin_until_future_complete(self.node, answer, timeout_sec=_STARTING)
-        self.node.destroy_client(client)
-        reply = answer.result()
-        if reply is None or reply.result.result != Result.RESULT_OK:
+        if not client.wait_for_service(_STARTING):
+            raise RuntimeError("there is no service simulation/reset")
+        reply = called(client)
+        if reply.result.result != Result.RESULT_OK:
             raise RuntimeError(f"the drill has not begun again: {reply}")
 
     def listen(self, seconds: float) -> None:
         """Hear what comes for some time."""
         self.hearing.take_until(lambda: False, seconds)
-
-    def measure(self, seconds: float) -> Counted:
-        """Listen for some time, and count."""
-        began, before = time.monotonic(), self._counts()
-        self.listen(seconds)
-        elapsed = time.monotonic() - began
-        differences = zip(self._counts(), before, strict=True)
-        return Counted(*((now - then) / elapsed for now, then in differences))
-
-    def _counts(self) -> tuple[float, float, float]:
-        return (
-            self.hearing.bytes,
-            self.hearing.messages["contact_force"],
-            used_by(self._process.pid),
-        )
-
-
-def end(talks: Sequence[Talk], seconds: float = _ENDING) -> int:
-    """Interrupt all processes, and kill those that still run after some seconds.
-
-    It prints and returns their number. Another interrupt ends the wait.
-    """
-    try:
-        deadline = time.monotonic() + seconds
-        for talk in talks:
-            talk.interrupt()
-        for talk in talks:
-            talk.wait(deadline - time.monotonic())
-    finally:
-        killed = sum([talk.close() for talk in talks])
-        if killed:
-            line = f"  {killed} of {len(talks)} drills killed: they had not ended after SIGINT"
-            print(line, file=sys.stderr, flush=True)
-    return killed

@@ -14,14 +14,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import rclpy
-from rclpy.client import Client
 from rpud_msgs.msg import WeightOnBit
 from rpud_msgs.srv import ListFaults
 
 from bench.bare_timer import SHARES
 from bench.command import RPUD
-from bench.table import Goal, Row, row
-from bench.talk import Talk, ros
+from bench.table import Row, row, used_by
+from bench.talk import Talk, called, ros
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.configuration import Settings
 
@@ -32,18 +31,11 @@ LOADS: Mapping[str, Mapping[str, object]] = {
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
     "largest": {"weight_on_bit": 80.0, "sample_rate": 100_000, "telemetry_rate": 1000},
 }
-RATIO = Goal(most=1.1)
-CORE = Goal(most=8.0)  # [%]
-LATEST = Goal(most=5.0)  # [ms]
-IN_TIME = Goal(least=99.9)  # [%]
-REPLY = Goal(most=50.0)  # [ms]
 _REQUESTS = 20.0  # of commands and of calls of a service, each [1/s]
 _PRIORITY = Settings().thread_priority
 _TIME_SHARING = "an ordinary bare timer, without a priority"
 _OF_ITS_PRIORITY = "a bare timer with the node's priority"
 _CALLS = 200  # of a service
-_ANSWERING = 10.0  # that a reply may take [s]
-_POLL_PERIOD = 1e-4  # between looks for a reply [s]
 _WEIGHTS = (59.0, 60.0)  # of the commands, in turns [N]
 
 
@@ -65,40 +57,35 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
         else:
             for key, priority in ((_TIME_SHARING, 0), (_OF_ITS_PRIORITY, _PRIORITY)):
                 running[key] = stack.enter_context(_BareTimer(priority))
-        talk.settle()
-        talk.reset()  # the starts of the others took time from it
-        counted = talk.measure(seconds)
+        talk.settle()  # the starts of the others took time from it
+        began, heard, sent = time.monotonic(), talk.hearing.delays.count, talk.hearing.bytes
+        used = used_by(talk.process.pid)
+        talk.listen(seconds)
+        elapsed = time.monotonic() - began
+        share = 100.0 * (used_by(talk.process.pid) - used) / elapsed
         late = {key: each.quantiles() for key, each in running.items()}
         values = talk.diagnostics()
-        impacts = talk.hearing.delays["contact_force"]
-        yield row(
-            f"telemetry, {name}: share of one core",
-            [100.0 * counted.share],
-            "%",
-            None if largest else CORE,
-        )
-        yield row(f"telemetry, {name}: impacts per second", [counted.impacts], "1/s")
-        yield row(f"telemetry, {name}: bytes per second", [counted.bytes], "B/s")
-        for key in SHARES:
+        impacts = talk.hearing.delays
+        goals = {} if largest else {"most": 8.0}
+        what = f"telemetry, {name}"
+        yield row(f"{what}: share of one core", share, "%", **goals)
+        yield row(f"{what}: impacts", (impacts.count - heard) / elapsed, "1/s")
+        yield row(f"{what}: bytes", (talk.hearing.bytes - sent) / elapsed, "B/s")
+        for key, quantile in SHARES.items():
             ours = 1e3 * float(values[f"lateness_{key} [s]"])
-            last = key == "p99.9"
-            goal = LATEST if largest and last else None
-            yield row(f"telemetry, {name}: lateness of blocks, {key}", [ours], "ms", goal)
+            goals = {"most": 5.0} if largest and key == "p99.9" else {}
+            yield row(f"{what}: lateness of blocks, {key}", ours, "ms", **goals)
             for bare, quantiles in late.items():
-                what = f"telemetry, {name}: lateness of {bare}, {key}"
-                yield row(what, [quantiles[key]], "ms")
-                what = f"telemetry, {name}: lateness of blocks over that of {bare}, {key}"
-                goal = RATIO if last and bare == _OF_ITS_PRIORITY else None  # like with like
-                yield row(what, [ours / quantiles[key]], "", goal)
-        missed = int(values["deadlines_missed"])
-        yield row(f"telemetry, {name}: blocks late by a period", [missed])
-        in_time = 100.0 * (1.0 - missed / int(values["blocks"]))
-        goal = IN_TIME if largest else None
-        yield row(f"telemetry, {name}: blocks within their period", [in_time], "%", goal)
-        for key, share in SHARES.items():
-            delay = 1e3 * impacts.quantile(share)
-            yield row(f"telemetry, {name}: an impact, stamp to arrival, {key}", [delay], "ms")
-        yield row(f"telemetry, {name}: messages dropped", [int(values["messages_dropped"])])
+                # Like with like.
+                goals = {"most": 1.1} if key == "p99.9" and bare == _OF_ITS_PRIORITY else {}
+                over = f"{what}: lateness of blocks over that of {bare}, {key}"
+                yield row(over, ours / quantiles[key], **goals)
+            delay = 1e3 * impacts.quantile(quantile)
+            yield row(f"{what}: an impact, stamp to arrival, {key}", delay, "ms")
+        missed, count = int(values["deadlines_missed"]), int(values["blocks"])
+        goals = {"least": 99.9} if largest else {}
+        yield row(f"{what}: blocks within their period", 100.0 * (1 - missed / count), "%", **goals)
+        yield row(f"{what}: messages dropped", int(values["messages_dropped"]), most=0)
         yield from _answers(name, talk)
 
 
@@ -113,23 +100,14 @@ def _answers(name: str, talk: Talk) -> Iterator[Row]:
     for number in range(_CALLS):
         commands.publish(WeightOnBit(force=_WEIGHTS[number % 2]))
         began = time.monotonic_ns()
-        client.call_async(ListFaults.Request())
-        _await_reply(client)
+        called(client)
         replies.add(time.monotonic_ns() - began)
         talk.listen(max(0.0, 1.0 / _REQUESTS - (time.monotonic_ns() - began) / 1e9))
     caller.destroy_node()
-    yield row(f"telemetry, {name}: reply to a call, p50", [1e3 * replies.quantile(0.5)], "ms")
-    yield row(f"telemetry, {name}: reply to a call, p99", [1e3 * replies.quantile(0.99)], "ms")
-    yield row(f"telemetry, {name}: slowest reply to a call", [1e3 * replies.greatest], "ms", REPLY)
-
-
-def _await_reply(client: Client) -> None:
-    """Take a reply when the middleware has it: an executor would add milliseconds of its own."""
-    end = time.monotonic() + _ANSWERING
-    while client.handle.take_response(client.srv_type.Response)[1] is None:
-        if time.monotonic() > end:
-            raise RuntimeError(f"no reply within {_ANSWERING:g} s")
-        time.sleep(_POLL_PERIOD)
+    what = f"telemetry, {name}: reply to a call"
+    yield row(f"{what}, p50", 1e3 * replies.quantile(0.5), "ms")
+    yield row(f"{what}, p99", 1e3 * replies.quantile(0.99), "ms")
+    yield row(f"{what}, slowest", 1e3 * replies.greatest, "ms", most=50.0)
 
 
 class _BareTimer:

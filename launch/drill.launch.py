@@ -1,5 +1,9 @@
-"""Start the drill: `ros2 launch rpud_sim drill.launch.py weight_on_bit:=20`."""
+"""Start the drill: `ros2 launch rpud_sim drill.launch.py weight_on_bit:=20`.
 
+`record:=DIR` records its topics as well.
+"""
+
+from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -35,11 +39,15 @@ def parameter_files(context: LaunchContext) -> list[Path]:
     return files or [share / DEFAULT]
 
 
-def end_with_drill(event: ProcessExited, context: LaunchContext) -> list[Shutdown]:
-    """End the launch with its drill; only an exception gives a launch a nonzero exit code."""
-    if event.returncode != 0:
-        raise RuntimeError(f"the drill failed with exit code {event.returncode}")
-    return [Shutdown(reason="the drill has ended")]
+def end_with(name: str) -> Callable[[ProcessExited, LaunchContext], list[Shutdown]]:
+    """End the launch with a node; only an exception gives a launch a nonzero exit code."""
+
+    def end(event: ProcessExited, context: LaunchContext) -> list[Shutdown]:
+        if event.returncode != 0:
+            raise RuntimeError(f"the {name} failed with exit code {event.returncode}")
+        return [Shutdown(reason=f"the {name} has ended")]
+
+    return end
 
 
 def warn_of_others(context: LaunchContext) -> None:
@@ -47,7 +55,8 @@ def warn_of_others(context: LaunchContext) -> None:
 
     It is no error, for a launch file that includes this one may have arguments of its own.
     """
-    names = [*PARAMETERS, "namespace", "config", "params_file", "log_level", "use_sim_time"]
+    own = ("namespace", "config", "params_file", "log_level", "use_sim_time", "record")
+    names = [*PARAMETERS, *own]
     for name, value in context.launch_configurations.items():
         close = get_close_matches(name, names, 1, 0.85)
         if close and name not in names:
@@ -74,7 +83,31 @@ def start_drill(context: LaunchContext) -> list[Node]:
                 *("--log-level", LaunchConfiguration("log_level")),
             ],
             output="screen",
-            on_exit=end_with_drill,
+            on_exit=end_with("drill"),
+        )
+    ]
+
+
+def start_recorder(context: LaunchContext) -> list[Node]:
+    """Return the recorder of the drill's namespace, with the time that the drill has."""
+    folder = LaunchConfiguration("record").perform(context)
+    params_file = LaunchConfiguration("params_file").perform(context)
+    sim_time = LaunchConfiguration("use_sim_time").perform(context)
+    if not folder:
+        return []
+    return [
+        Node(
+            package="rpud_sim",
+            executable="recorder",
+            namespace=LaunchConfiguration("namespace"),
+            arguments=["--with-parent", "--out", folder],
+            ros_arguments=[
+                *(["--params-file", params_file] if params_file else []),
+                *(["-p", f"use_sim_time:={sim_time}"] if sim_time else []),
+                *("--log-level", LaunchConfiguration("log_level")),
+            ],
+            output="screen",
+            on_exit=end_with("recorder"),
         )
     ]
 
@@ -91,7 +124,7 @@ def parameter_arguments() -> list[DeclareLaunchArgument]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe the drill node alone."""
+    """Describe the drill node and, where it is wanted, the recorder of its namespace."""
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -123,7 +156,13 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["", "true", "false"],
                 description="Whether the nodes take the time from /clock",
             ),
+            DeclareLaunchArgument(
+                "record",
+                default_value="",
+                description="Folder of a new bag, into which the drill is recorded",
+            ),
             *parameter_arguments(),
             OpaqueFunction(function=start_drill),
+            OpaqueFunction(function=start_recorder),
         ]
     )

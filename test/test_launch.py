@@ -151,7 +151,7 @@ def test_a_drill_has_the_parameters_of_its_file_and_those_that_are_given_by_name
 def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
     (tmp_path / "bad.yaml").write_text("/**:\n  ros__parameters: {gravity: -1.0}\n")
     bag = tmp_path / "bag"
-    launched = launch("drill_record.launch.py", f"params_file:={tmp_path}/bad.yaml", f"bag:={bag}")
+    launched = launch("drill.launch.py", f"params_file:={tmp_path}/bad.yaml", f"record:={bag}")
     assert launched.wait() == 1
     assert "gravity = -1 m/s^2 is outside its range" in launched.output
     assert "the drill failed with exit code 2" in launched.output
@@ -159,7 +159,7 @@ def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
 
 
 def test_a_recording_ends_with_its_drill_and_keeps_its_bag(launch, tmp_path):
-    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}")
+    launched = launch("drill.launch.py", f"record:={tmp_path / 'bag'}")
     launched.wait_for_line("recording [0-9]+ topics")
     drill = launched.wait_for_line(r"drill_node-\d+\]: process started with pid \[(\d+)\]")
     os.kill(int(drill[1]), signal.SIGKILL)
@@ -170,7 +170,7 @@ def test_a_recording_ends_with_its_drill_and_keeps_its_bag(launch, tmp_path):
 
 
 def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_path):
-    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}", "compression:=none")
+    launched = launch("drill.launch.py", f"record:={tmp_path / 'bag'}")
     launched.wait_for_line("drilling: regime drilling")
     launched.wait_for_line("recording [0-9]+ topics")
     launched.interrupt()

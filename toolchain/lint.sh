@@ -11,8 +11,7 @@ check ruff check
 check ruff format --check
 check mypy
 check lint-imports --no-logo
-check python toolchain/check_circles.py
-check python toolchain/check_manifests.py
+check python toolchain/check_repository.py
 # The code of the screen. Its checker comes from npm, which CI has.
 tsc=.venv/typescript/node_modules/.bin/tsc
 if [ -x $tsc ] || [ -n "${CI:-}" ] || [ "${RPUD_BROWSER:-}" = required ]; then

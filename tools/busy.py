@@ -7,13 +7,11 @@ loop with this process, whatever ends that.
 from __future__ import annotations
 
 import argparse
-import os
-import signal
 import subprocess
 import sys
 from contextlib import ExitStack
 
-_PR_SET_PDEATHSIG = 1
+from rpud_sim.foundation.child_process import end_with_parent
 
 
 def main() -> int:
@@ -24,20 +22,11 @@ def main() -> int:
     arguments = parser.parse_args()
     with ExitStack() as stack:
         for _ in range(arguments.loops):
-            loop = subprocess.Popen([sys.executable, "-c", _loop(os.getpid())])
+            spin = [sys.executable, "-c", "while True: pass"]
+            loop = subprocess.Popen(spin, preexec_fn=end_with_parent)
             stack.callback(loop.wait)
             stack.callback(loop.kill)
         return subprocess.run(arguments.command, check=False).returncode
-
-
-def _loop(parent: int) -> str:
-    """Return a program that spins, and dies with its parent."""
-    return (
-        "import ctypes, os\n"
-        f"ctypes.CDLL(None).prctl({_PR_SET_PDEATHSIG}, {int(signal.SIGKILL)})\n"
-        f"while os.getppid() == {parent}:\n"
-        "    pass\n"
-    )
 
 
 if __name__ == "__main__":

@@ -122,8 +122,7 @@ class Topic:
 class Losses:
     """Numbers of lost messages of one topic."""
 
-    # lost on the way to the recorder; None if that is unknown: the middleware does not number
-    # messages, or a publisher left while the recorder stood still
+    # lost on the way to the recorder; None if the middleware does not number messages
     transport: int | None = 0
     queue: int = 0  # dropped because the recorder's queue was full
     damaged: int = 0  # arrived with unreadable data or an impossible time

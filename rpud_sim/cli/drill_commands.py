@@ -180,8 +180,10 @@ def _engage(drill: DrillClient, off: bool) -> str:
 def _inject(drill: DrillClient, kind: str | None, list: bool, json: bool, **fault: Any) -> str:
     if kind is None:
         return _faults(drill, json)
+    from rpud_sim.simulation.fault_kinds import fault_text
+
     number = drill.inject(kind, **fault)
-    return f"fault {number}: {' on '.join(filter(None, (kind, fault['channel'])))}"
+    return f"fault {number}: {fault_text(kind, fault['channel'])}"
 
 
 def _faults(drill: DrillClient, as_json: bool) -> str:

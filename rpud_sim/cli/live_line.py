@@ -125,8 +125,8 @@ def summary_text(figures: Values, report: Report | None, faults: Sequence[FaultR
         lines.append(f"last refusal: {printable(report.last_refusal)}")
     for record in faults[-_FAULTS_LISTED:]:
         end = "on" if record.clear is None else f"to {record.clear / 1e9:.3f} s"
-        kind = " on ".join(filter(None, (record.fault.kind, record.fault.channel)))
-        lines.append(f"fault {record.number}: {kind} from {record.onset / 1e9:.3f} s {end}")
+        since = f"from {record.onset / 1e9:.3f} s {end}"
+        lines.append(f"fault {record.number}: {record.fault} {since}")
     if len(faults) > _FAULTS_LISTED:
         lines.append(f"{len(faults) - _FAULTS_LISTED} earlier faults")
     return "\n".join(lines)

@@ -412,6 +412,11 @@ KINDS: dict[str, FaultKind] = {
 CHANNEL_NEEDS: Mapping[str, _Need] = {"rotation": _rotation, "mount": _feed}
 
 
+def fault_text(kind: str, channel: str = "") -> str:
+    """Return what a fault is called, such as ``noise on wrench``."""
+    return f"{kind} on {channel}" if channel else kind
+
+
 def magnitude_text(kind: str, channel: str, magnitude: float) -> str:
     """Return the magnitude of a fault with its unit, such as ``5 N``; empty for none."""
     known = KINDS.get(kind)

@@ -19,7 +19,14 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, 
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultEffects, FaultKind, Stage
+from rpud_sim.simulation.fault_kinds import (
+    CHANNEL_NEEDS,
+    KINDS,
+    FaultEffects,
+    FaultKind,
+    Stage,
+    fault_text,
+)
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH, Fields
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
@@ -49,8 +56,7 @@ class Fault:
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
     def __str__(self) -> str:
-        """As in ``noise on wrench``."""
-        return f"{self.kind} on {self.channel}" if self.channel else self.kind
+        return fault_text(self.kind, self.channel)
 
     @property
     def declared(self) -> FaultKind:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.simulation.configuration import parameter_rows
-from rpud_sim.simulation.fault_kinds import magnitude_text
+from rpud_sim.simulation.fault_kinds import fault_text, magnitude_text
 
 # Kinds of entries; a failure is one of a test.
 COMMAND, FAULT, RUN, REFUSAL, FAILURE = "command", "fault", "run", "refusal", "failure"
@@ -195,8 +195,7 @@ def _shown(quantity: str, value: float) -> str:
 
 
 def _fault_text(fault: Mapping[str, Any]) -> str:
-    """Return ``noise of reacting force 5 N``: kind, channel and magnitude."""
+    """Return ``noise on reacting force 5 N``: kind, channel and magnitude."""
     kind, channel = str(fault["kind"]), str(fault.get("channel") or "")
     size = magnitude_text(kind, channel, float(fault.get("magnitude") or 0.0))
-    words = kind + (f" of {channel}" if channel else "")
-    return f"{words.replace('_', ' ')} {size}".strip()
+    return f"{fault_text(kind, channel).replace('_', ' ')} {size}".strip()

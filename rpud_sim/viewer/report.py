@@ -30,6 +30,7 @@ from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
+from rpud_sim.simulation.fault_kinds import fault_text
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
@@ -321,7 +322,7 @@ def _in_force(steps: Mapping[str, Mapping[str, np.ndarray]], time: float) -> str
 
 def _active(faults: Sequence[Mapping[str, Any]], time: float) -> str:
     return ", ".join(
-        f"{fault['kind']} {fault['channel']}".strip().replace("_", " ")
+        fault_text(fault["kind"], fault["channel"]).replace("_", " ")
         for fault in faults
         if fault["onset"] <= time and (fault["end"] is None or fault["end"] > time)
     )

@@ -107,7 +107,7 @@ def test_faults_and_commands_are_marked_and_playing_moves_the_playhead(recorded)
     page = recorded()
     assert of_screen(page, "screen.seen.faults.map((each) => each.onset)") == [0.4, 1.0]
     page.tab.get_by_text("log of commands", exact=True).click()
-    text_has(page, "#details", "bias of reacting force 5 N")
+    text_has(page, "#details", "bias on reacting force 5 N")
     page.tab.get_by_text("log of commands", exact=True).click()
 
     of_screen(page, "screen.zoom(0.9, 1.5)")

@@ -10,7 +10,7 @@ from raw_mcap import RawMcap
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
-from rpud_msgs.srv import Burst, GetRate, IsPaused, Seek, SetRate
+from rpud_msgs.srv import Seek, SetRate
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -20,13 +20,7 @@ from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
 
 REPLAYED = "/rpud/talk"
-SERVICES = {
-    "burst": Burst,
-    "get_rate": GetRate,
-    "is_paused": IsPaused,
-    "seek": Seek,
-    "set_rate": SetRate,
-}
+SERVICES = {"seek": Seek, "set_rate": SetRate}
 STEP = SECOND // 20  # between two messages
 
 
@@ -88,30 +82,27 @@ def at(position):
 
 def test_a_replay_is_stepped_moved_sped_up_looped_and_stopped(replay, audience):
     process = replay("--start-paused", "--loop", "--clock", "100")
-    assert audience.ask("is_paused").paused
     audience.until(lambda: len(audience.clocks) > 5)
     assert set(audience.clocks) == {0}
-    assert audience.ask("play_next").success
-    assert audience.ask("burst", num_messages=7).actually_burst == 7
+    for _ in range(8):
+        assert audience.ask("play_next").success
     audience.until(lambda: audience.numbers == list(range(8)))
     audience.until(lambda: audience.clocks[-3:] == [7 * STEP] * 3)
     assert audience.ask("seek", time=at(30 * STEP)).success
     audience.until(lambda: audience.clocks[-3:] == [30 * STEP] * 3)
     assert audience.ask("set_rate", rate=4.0).success
-    assert audience.ask("get_rate").rate == 4.0
     before = len(audience.clocks)
     audience.ask("resume")
     audience.until(lambda: len(audience.numbers) > 8 + 10 + 40)
     audience.ask("pause")
-    audience.ask("toggle_paused")
-    assert not audience.ask("is_paused").paused
+    audience.ask("resume")
     # What follows a loop's last message is its first; nothing is left out.
     pairs = set(itertools.pairwise(audience.numbers))
     assert pairs <= {(7, 30), *((number, (number + 1) % 40) for number in range(40))}
     steps = [after - before for before, after in itertools.pairwise(audience.clocks[before:])]
     assert SECOND // 25 in steps
     assert min(steps) < 0
-    audience.ask("stop")
+    process.interrupt()
     assert process.wait() == 0
     process.wait_for_line(r"replayed \d+ messages in .* late .* ms \(median\)")
 

@@ -35,9 +35,9 @@ class Files(dispatchers._Files):
 
 dispatchers._Files = Files
 dispatchers.this_target = lambda: target
-from rpud_sim.cli.precompile import _use_every_kernel
+from toolchain.precompile import use_every_kernel
 
-_use_every_kernel()
+use_every_kernel()
 print(json.dumps(found))
 """
 # What is exact or rounded once; sqrt is the library's name of the processor's instruction.

@@ -53,8 +53,9 @@ def test_colcon_finds_both_and_nothing_is_a_link(tree):
         for place in ("rpud_msgs/msg", "rpud_sim/rpud_sim/bag/share/rpud_msgs/msg")
     )
     assert own == copied != {}
-    check = tree / "rpud_sim" / "toolchain" / "check_manifests.py"
-    assert subprocess.call([sys.executable, check], stdout=subprocess.DEVNULL) == 0
+    check = tree / "rpud_sim" / "toolchain" / "check_repository.py"
+    words = [sys.executable, check, "manifests"]
+    assert subprocess.call(words, stdout=subprocess.DEVNULL) == 0
 
 
 @pytest.mark.filterwarnings("ignore:nodes.Node.traverse:DeprecationWarning")  # by catkin_pkg

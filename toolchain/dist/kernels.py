@@ -33,7 +33,7 @@ def compile_kernels(folder: Path, pythons: Sequence[Python], root: Path) -> list
         try:
             if python.version != "{}.{}".format(*sys.version_info):
                 executable = _with_numba(python, folder.parent / f"numba-{python.tag}")
-            _run(executable, "-m", "rpud_sim.cli.precompile", "--into", folder, root=root)
+            _run(executable, "-m", "toolchain.precompile", "--into", folder, root=root)
         except subprocess.CalledProcessError as error:
             lines = error.stderr.strip().splitlines() or [f"exit code {error.returncode}"]
             missing.append(f"no kernels for {python.tag}: {lines[-1]}")

@@ -1,177 +1,264 @@
-"""A real drill under attack: its callbacks get real messages, as the executor would give them."""
+"""Attack on a real drill: its callbacks get hostile messages, as the executor would give them.
+
+A refusal has a reason of one line, is counted, and changes nothing; nothing ends the drilling.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import random
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import ParameterType
 from rclpy.logging import LoggingSeverity, get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from rpud_msgs.msg import CommandResult
-from rpud_msgs.srv import SetSimulationState
+from rpud_msgs.msg import Result, SimulationState
+from rpud_msgs.srv import (
+    ResetSimulation,
+    SetSimulationState,
+)
 
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.threads import StoppedError
-from rpud_sim.simulation.changes import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import CHANGEABLE
+from rpud_sim.ros.drill.managed_node import declare_settings
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.topics import CHANNELS, COMMAND_TOPICS
+from tools.fuzz import Outcome, hostile
 
-PLAYING = SetSimulationState.Request().state.STATE_PLAYING
+SECOND = 1_000_000_000
+LONGEST_STEP = 1_000_000 * SECOND  # that the drill takes; a fuzz that waits for one never ends
+LONGEST_REASON = 20_000  # rclpy repeats the names that it does not know
+MOST_GROWTH = 20_000_000  # of memory after the first fifth of the inputs [byte]
 OPTIONS = {
     "rock_model": "specific_energy",  # so that every fault is possible
     "actuator_model": "resonance",
     "command_timeout": 3600.0,  # so that stamps are looked at
     "telemetry_rate": 500,  # each input waits for the end of a block
 }
+KNOWN = {  # values of fields, by their names
+    "kind": KINDS,
+    "channel": (*[""] * 3 * len(CHANNELS), *CHANNELS, "waveform"),
+    "name": (*CHANGEABLE * 2, *PARAMETERS, "use_sim_time", "start_type_description_service"),
+    **dict.fromkeys(("names", "nodes", "prefixes"), tuple(PARAMETERS)),
+    "type": (*range(10), *[ParameterType.PARAMETER_DOUBLE] * 9, 200),
+    "id": (0, 1, 2, 3, *range(8, 256)),  # those that an active drill has would end it, rightly
+    "label": ("configure", "activate", "cleanup", "", *hostile.WORDS),
+    "state": (*(0, 1, 2) * 80, *{*range(256)} - {SimulationState.STATE_QUITTING}),
+    "magnitude": (*(0.0, 0.5) * 30, *hostile.NUMBERS),
+    "sec": (*(0, 1, 2) * 4, *hostile.WHOLES, -1, 2**31 - 1, -(2**31)),
+    "entries_from": (0,),  # its page grows with the journal
+}
+RARE = {"node": 0.005, "simulation/reset": 0.2}  # they take milliseconds; rclpy frees no node
 
 
 class Drill:
-    """A drill that plays in real time while it is attacked in another thread.
+    """Drill that plays in real time while it is attacked from another thread."""
 
-    Attributes:
-        reasons: of the commands that were refused.
-
-    Args:
-        folder: for files.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self) -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
-        self.node = DrillNode(context=self._context, parameter_overrides=_given(OPTIONS))
+        self.node = self.create_node(DrillNode, OPTIONS)
         for logger in (self.node.get_logger(), get_logger("rcl_lifecycle"), get_logger("rcl")):
             logger.set_level(LoggingSeverity.FATAL)  # thousands of reasons
-        self.reasons: list[str] = []
-        inbox = self.node._inbox
-        refuse = inbox.refuse
-
-        def remember(result: CommandResult, reason: str) -> None:
-            self.reasons.append(reason)
-            refuse(result, reason)
-
-        inbox.refuse = remember
-        self._interval = sys.getswitchinterval()
+        self.reasons: list[str] = []  # of refused commands
+        self.inbox = self.node._inbox
+        refuse = self.inbox.refuse
+        self.inbox.refuse = lambda result, reason: (
+            self.reasons.append(reason),
+            refuse(result, reason),
+        )
         sys.setswitchinterval(1e-4)  # the attack must not keep the drill from its turn
         self.node.start()
         self.services = {
-            service.srv_name.rsplit("drill_node/")[-1].removeprefix("/"): service
-            for service in self.node.services
+            each.srv_name.rsplit("drill_node/")[-1].removeprefix("/"): each
+            for each in self.node.services
+            if not each.srv_name.endswith("get_type_description")  # rclpy's own
         }
-        self.topics = {each.topic_name.removeprefix("/"): each for each in self.node.subscriptions}
-        self._settings = self.node.settings
+        self.commands = {
+            each.topic_name.removeprefix("/"): each
+            for each in self.node.subscriptions
+            if each.topic_name.removeprefix("/") in COMMAND_TOPICS
+        }
+        self.ways = [*self.commands, *self.services, "node"]
+        self._parameters = self.parameters()
 
-    def create_node(self, overrides: Mapping[str, Any]) -> Node:
-        """Make another node, as a launch with these parameters would."""
-        return Node("another", context=self._context, parameter_overrides=_given(overrides))
+    def create_node(self, kind: Any, overrides: dict[str, Any]) -> Any:
+        """Make a node, as a launch with these parameters would."""
+        given = [Parameter(name, value=value) for name, value in overrides.items()]
+        name = ("another",) if kind is Node else ()
+        return kind(*name, context=self._context, parameter_overrides=given)
 
     def close(self) -> None:
         """End the drill."""
         self.node.stop()
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)
-        sys.setswitchinterval(self._interval)
+        sys.setswitchinterval(0.005)
 
-    def command(self, topic: str, message: Any) -> None:
-        """Give a command, as if it had come over DDS."""
-        information = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
-        self.topics[topic].callback(serialize_message(message), information)
-
-    def call(self, name: str, request: Any) -> Any:
+    def call(self, name: str, request: Any = None, **fields: Any) -> Any:
         """Call a service, as if the request had come over DDS."""
-        service = self.services[name]
-        return service.callback(request, service.srv_type.Response())
+        kind = self.services[name].srv_type
+        return self.services[name].callback(request or kind.Request(**fields), kind.Response())
 
-    def do(self, action: Callable[[Any], Any]) -> Any:
-        """Have something done, or read, in the thread of the drill."""
-        try:
-            return self.node.loop.request(action)
-        except StoppedError:
-            raise AssertionError("the drilling has ended") from self.node.loop.failure
+    def parameters(self) -> dict[str, Any]:
+        """All parameters."""
+        return {k: each.value for k, each in self.node.get_parameters_by_prefix("").items()}
 
-    def now(self) -> int:
-        """The stamp of the present simulation time [ns]."""
-        return self.do(lambda live: live.stamp)
+    def state(self) -> str:
+        """All that a refused input must leave as it is."""
+        journal = self.call("~/get_journal", first=2**64 - 1).count  # of all changes
+        state = self.call("simulation/get_state").state.state
+        return f"{sorted(self.parameters().items())} {journal} {state}"
 
-    @property
-    def rejected(self) -> int:
-        """Commands that were refused."""
-        return self.node._inbox.rejected
-
-    @property
-    def requests_refused(self) -> int:
-        """Requests that were refused."""
-        return self.node._inbox.requests_refused
+    def set_state(self, state: int) -> None:
+        """Play or pause."""
+        request = SetSimulationState.Request(state=SimulationState(state=state))
+        self.call("simulation/set_state", request)
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
         """Let its time stand still, for what no drill does while it plays."""
-        self.do(lambda live: live.timeline.pause())
+        self.set_state(SimulationState.STATE_PAUSED)
         try:
             yield
         finally:
-            self.do(lambda live: live.timeline.play())
-
-    def state(self) -> tuple[Any, ...]:
-        """All that a refused input must leave as it is."""
-
-        def read(live: Any) -> tuple[Any, ...]:
-            run = live.run
-            simulation = run.simulation
-            return (
-                simulation.applied,
-                simulation.configuration,
-                simulation.faults.records,
-                simulation.faults.forgotten,
-                run.active,
-                run.commands_lost,
-                live.timeline.playing,
-                live.timeline.at_start,
-                live.timeline.goal,
-            )
-
-        parameters = self.node.get_parameters_by_prefix("")
-        values = tuple((name, repr(each.value)) for name, each in sorted(parameters.items()))
-        return (self.node.settings, values, *self.do(read))
-
-    def sound(self) -> bool:
-        """Whether what is in force is finite."""
-        applied = self.do(lambda live: live.run.simulation.applied)
-        numbers = (applied.weight_on_bit.force, applied.drive.voltage, applied.drive.frequency)
-        return all(map(math.isfinite, numbers))
+            self.set_state(SimulationState.STATE_PLAYING)
 
     def restore(self) -> None:
         """Take back what was accepted, so that every input meets the same drill."""
-        if self.node.settings != self._settings:
-            parameters = [Parameter(each, value=self._settings.value(each)) for each in CHANGEABLE]
-            self.node.set_parameters_atomically(parameters)
-        configuration = self._settings.configuration
-        drive = Drive(
-            True,
-            configuration.actuator.nominal_voltage,
-            configuration.parameters.vibration_frequency,
-        )
+        now = self.parameters()
+        changed = {k: v for k, v in self._parameters.items() if repr(now.get(k)) != repr(v)}
+        given = [Parameter(name, value=value) for name, value in changed.items()]
+        self.node.set_parameters_atomically(given)
+        self.node.loop.request(lambda live: live.act())
+        self.call("simulation/reset", ResetSimulation.Request())
+        self.set_state(SimulationState.STATE_PLAYING)
 
-        def act(live: Any) -> None:
-            run = live.run
-            run.simulation.clear()
-            weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
-            for command in (*self.node._inbox.drain(), weight_on_bit, drive):
-                run.apply(command)
-            run.watch()
+    def send(self, drawn: random.Random, way: str) -> str | None:
+        """Send one hostile input; return why it was refused, None if it was accepted."""
+        if way == "node":
+            return self._declare(drawn)
+        if way in self.commands:
+            subscription = self.commands[way]
+            message = hostile.fill(drawn, subscription.msg_type(), KNOWN)
+            if drawn.random() < 0.5:
+                message.header.stamp = type(message.header.stamp)()
+            rejected = self.inbox.rejected
+            self.reasons.clear()
+            info = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
+            subscription.callback(serialize_message(message), info)
+            self.node.loop.request(lambda live: live.act())  # where commands are checked
+            counted = self.inbox.rejected - rejected
+            assert counted == len(self.reasons) <= 1, f"counted {counted}, said {self.reasons}"
+            return self.reasons[0] if counted else None
+        request = hostile.fill(drawn, self.services[way].srv_type.Request(), KNOWN)
+        for each in getattr(request, "parameters", ()):
+            allowed = getattr(PARAMETERS.get(each.name), "allowed", None)
+            if isinstance(allowed, Quantity) and drawn.random() < 0.3:  # the very end of its range
+                end = drawn.choice((allowed.minimum, allowed.maximum))
+                beyond = math.nextafter(end, drawn.choice((-1, 1)) * 1e99)
+                each.value.type = ParameterType.PARAMETER_DOUBLE
+                each.value.double_value = drawn.choice((end, beyond))
+        refused = self.inbox.requests_refused
+        if way in ("simulation/step", "simulation/run_to"):
+            self._shorten(drawn, way, request)
+            with self.paused() if drawn.random() < 0.5 else contextlib.nullcontext():
+                refused, before = self.inbox.requests_refused, self.state()
+                reason = reason_of(self.call(way, request))
+                assert reason is None or self.state() == before, f"refused, {reason}, but changed"
+        else:
+            reason = reason_of(self.call(way, request))
+        counted = self.inbox.requests_refused > refused
+        known = reason in (None, "it is in that state already")
+        assert known or counted, f"refused, {reason}, but not counted"
+        return reason
 
-        self.do(act)
-        request = SetSimulationState.Request()
-        request.state.state = PLAYING
-        self.call("simulation/set_state", request)
+    def _shorten(self, drawn: random.Random, way: str, request: Any) -> None:
+        """Draw the length of a step again if it would rightly take for ever."""
+        field = request.duration if way == "simulation/step" else request.time
+        now = 0 if way == "simulation/step" else self.node.loop.request(lambda live: live.stamp)
+        while SECOND // 100 < field.sec * SECOND + field.nanosec - now <= LONGEST_STEP:
+            field.sec = drawn.choice((0, hostile.whole(drawn, 32, signed=True)))
+            field.nanosec = drawn.choice((1, 1_000_000, hostile.whole(drawn, 32)))
+        if way == "simulation/run_to" and drawn.random() < 0.3:  # soon
+            field.sec, field.nanosec = divmod(now + SECOND // 200, SECOND)
+
+    def _declare(self, drawn: random.Random) -> str | None:
+        """Start another node, with overrides of the types that rcl knows."""
+        text = hostile.text(drawn).replace("\0", "")
+        number, whole = hostile.number(drawn), hostile.whole(drawn, 63)
+        value = drawn.choice((number, whole, whole < 5, text, [number], [text], [True]))
+        node = self.create_node(Node, {drawn.choice(tuple(PARAMETERS)): value})
+        try:
+            with self.paused():
+                declare_settings(node)
+        except ParameterError as error:
+            return str(error)
+        finally:
+            node.destroy_node()
+        return None
 
 
-def _given(overrides: Mapping[str, Any]) -> list[Parameter]:
-    return [Parameter(name, value=value) for name, value in overrides.items()]
+def reason_of(response: Any) -> str | None:
+    """Return why a request was refused, whatever form the response has; None if it was not."""
+    result = getattr(response, "result", response)
+    if hasattr(result, "error_message"):
+        return None if result.result == Result.RESULT_OK else result.error_message
+    if hasattr(result, "successful"):
+        return None if result.successful else result.reason
+    if hasattr(response, "success"):
+        unnamed = "the state machine has no such transition"
+        return None if response.success else getattr(response, "message", unnamed)
+    refused = [each.reason for each in getattr(response, "results", ()) if not each.successful]
+    return " and ".join(refused) if refused and len(refused) == len(response.results) else None
+
+
+def run(numbers: Iterable[int], seed: int) -> Outcome:
+    """Send inputs, each drawn from the seed and its number, and check what follows from each."""
+    outcome, drill, warm = Outcome(), Drill(), 0
+    numbers = numbers if hasattr(numbers, "__len__") else list(numbers)
+    weights = [RARE.get(way, 1.0) for way in drill.ways]
+    before = drill.state()
+    for number in numbers:
+        drawn = random.Random(f"{seed}:{number}")
+        way = drawn.choices(drill.ways, weights)[0]
+        way = drill.ways[number] if number < len(drill.ways) else way
+        harms, reason, began = [], None, time.perf_counter()
+        try:
+            reason = drill.send(drawn, way)
+        except Exception as error:
+            harms.append(f"{type(error).__name__}: {error}"[:500])
+        outcome.add(way, reason is not None, time.perf_counter() - began)
+        after = drill.state()
+        if reason is None and after != before:
+            drill.restore()
+            after = drill.state()
+        elif reason is not None:
+            if not reason.strip() or "\n" in reason or len(reason) > LONGEST_REASON:
+                harms.append(f"the reason is not one line: {reason[:500]!r}")
+            if after != before:
+                harms.append(f"refused, {reason}, but the state has changed")
+        before = after
+        if drill.node.loop.failure is not None:
+            harms.append(f"the drilling has ended: {drill.node.loop.failure}")
+        outcome.harms += [f"input {number} of seed {seed}, {way}: {harm}" for harm in harms]
+        if number == len(numbers) // 5:
+            warm = _resident()
+    if warm and _resident() - warm > MOST_GROWTH:
+        outcome.harms.append(f"memory has grown by {(_resident() - warm) / 1e6:.1f} MB")
+    drill.close()
+    return outcome
+
+
+def _resident() -> int:
+    """Memory of this process [byte]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import fields
 from enum import Enum
 from math import inf
@@ -24,7 +24,6 @@ from rpud_sim.ros.graph import message_class
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000
 
-PROCESS = 12  # bytes of a publisher's identifier that all of its process have
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
 _DISCOVERY = 3.5  # s in which every publisher is found; the middleware announces itself every 3 s
@@ -42,11 +41,6 @@ class RecordedTopic(FollowedTopic):
         self.further_types: set[str] = set()  # of the topic, which are not recorded
         self.damaged = 0  # messages that were damaged
         self.renewals = 0  # subscriptions that were renewed as a publisher was silent
-        self.unknown = ""  # why nobody can know what is lost; empty if the numbers show it
-        # Publishers that were there when the recorder stood still, and may have left meanwhile.
-        self.doubted: set[bytes] = set()
-        self.heard_again = False  # whether one of them has
-        self._resumed_at = inf  # by the clock of the messages [ns]
         self._numbered = True  # whether the middleware numbers messages
         self._uncounted = 0  # damaged messages whose numbers are a gap in the next ones
         self._latest: dict[tuple[int, int | None, int], None] = {}
@@ -57,28 +51,7 @@ class RecordedTopic(FollowedTopic):
 
     def losses(self, refused: int) -> Losses:
         """Return the losses; ``refused`` are messages that did not fit into the queue."""
-        known = self._numbered and not self.unknown
-        return Losses(self.gaps.missing if known else None, refused, self.damaged)
-
-    def doubt(self) -> None:
-        """Note that the recorder stood still: no later number shows what a publisher sent last."""
-        self.doubted, self.heard_again = self._identifiers(), False
-        self._resumed_at = time.time_ns()
-
-    def believe(self, living: Collection[bytes]) -> None:
-        """Doubt no publisher that goes on, or is there in a living process.
-
-        The middleware may forget one while the recorder stands still, and find it again.
-        """
-        if self.heard_again:  # its numbers show what is missing
-            self.doubted = set()
-        there = {each for each in self._identifiers() if each[:PROCESS] in living}
-        self.doubted -= there
-
-    def settle(self) -> None:
-        """Note at the end whether a publisher has left while the recorder stood still."""
-        if self.doubted:
-            self.unknown = "a publisher left while the recorder stood still"
+        return Losses(self.gaps.missing if self._numbered else None, refused, self.damaged)
 
     def follow(self) -> str:
         """Look at the publishers; return why to subscribe again because of them, or ""."""
@@ -135,8 +108,6 @@ class RecordedTopic(FollowedTopic):
             if len(self._latest) > RECORDING_DEPTH:
                 del self._latest[next(iter(self._latest))]
         self.received_at = time.monotonic()
-        # With several publishers it may be of any of them.
-        self.heard_again |= publish_time > self._resumed_at and len(self.doubted) == 1
         self._numbered = self._numbered and number is not None
         before = self.gaps.missing
         self.gaps.record(number)
@@ -149,10 +120,6 @@ class RecordedTopic(FollowedTopic):
 
     def _publishers(self) -> list[TopicEndpointInfo]:
         return [each for each in super()._publishers() if each.topic_type == self.type]
-
-    def _identifiers(self) -> set[bytes]:
-        """Return the publishers that were there at the last look."""
-        return {bytes(each.endpoint_gid) for each in self.endpoints if self._offers}
 
     def _find(self, find: Callable[[str], str]) -> str | None:
         try:

@@ -169,7 +169,7 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
         f"({bag.size / 1e6:.2f} MB{files}) to {bag.path}"
     ]
     for name, losses in sorted(node.losses.items()):
-        lines += _lost(name, losses, node.topics[name].unknown)
+        lines += _lost(name, losses)
     lines += [
         f"subscribed {name} again {topic.renewals} times, in case a publisher was not connected"
         for name, topic in sorted(node.topics.items())
@@ -181,7 +181,7 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
     return "\n".join(map(printable, lines))
 
 
-def _lost(name: str, losses: Losses, unknown: str) -> list[str]:
+def _lost(name: str, losses: Losses) -> list[str]:
     known = {
         "on the way": losses.transport or 0,
         "for which the queue (--max-cache-size) had no room": losses.queue,
@@ -190,8 +190,7 @@ def _lost(name: str, losses: Losses, unknown: str) -> list[str]:
     causes = [f"{count} {what}" for what, count in known.items() if count]
     lines = [f"lost {sum(known.values())} messages on {name}: {', '.join(causes)}"] * bool(causes)
     if losses.total is None:
-        reason = unknown or "the middleware does not number messages"
-        lines.append(f"losses on {name} are unknown: {reason}")
+        lines.append(f"losses on {name} are unknown: the middleware does not number messages")
     return lines
 
 

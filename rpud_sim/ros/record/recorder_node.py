@@ -31,16 +31,14 @@ from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, node_name
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record.log_clock import LogClock
-from rpud_sim.ros.record.recorded_topic import PROCESS, RecordedTopic
+from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
 
 _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
-_DOUBT = 0.5  # between two calls, in which a publisher may have left with its last messages [s]
 _UNDECIDED = 0.2  # after the first message, in which a drill is found [s]
 _TICKS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-_LEASE = 25.0  # after which the middleware has forgotten a process that was killed [s]
 _STANDSTILL = 2.0  # between two calls, after which publishers may have dropped the recorder [s]
 _SILENCE = 3.0  # after it, in which a connected publisher should send something [s]
 _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove nothing [s]
@@ -86,7 +84,7 @@ class Recorder(Node):
         self._batch: list[Message] = []
         self._end = inf  # of the recording [ns since the epoch]
         # By the monotonic clock [s]: the last call, and the end of the latest standstill.
-        self._called_at = self._stood_still = self._resumed_at = inf
+        self._called_at = self._stood_still = inf
         # ``serve`` takes the requests, so nothing ever calls the callback.
         self._servers: dict[str, Any] = {
             name: self.create_service(kind, f"~/{name}", lambda _, response: response)
@@ -156,7 +154,6 @@ class Recorder(Node):
             with self.guard(f"what is known of {topic.name}"):
                 if reason := topic.follow():
                     self._renew(topic, reason)
-        self._believe()
         self._choose_clock()
         if time.monotonic() >= self._stood_still + _SILENCE:
             # A publisher that dropped us meanwhile sends nothing more, yet seems connected here.
@@ -197,10 +194,8 @@ class Recorder(Node):
     def finish(self) -> None:
         """Hand over the last messages, and declare silent topics."""
         self._hand_over(len(self._batch))
-        self._believe()
         for topic in self.topics.values():
             self._declare(topic, received=False)
-            topic.settle()
 
     def _choose_clock(self) -> None:
         """Take the clock of a drill that is the source of ``/clock``, else the machine's."""
@@ -226,25 +221,8 @@ class Recorder(Node):
     def _note_standstill(self) -> None:
         now, before = time.monotonic(), self._called_at
         self._called_at = now
-        if now - before >= _DOUBT:
-            self._resumed_at = now
-            for topic in self.topics.values():
-                topic.doubt()
         if now - before >= _STANDSTILL:
             self._stood_still = now
-            self.get_logger().warning(f"it stood still for {now - before:.1f} s")
-
-    def _believe(self) -> None:
-        """Look whose publishers live on since the recorder stood still."""
-        long_ago = time.monotonic() >= self._resumed_at + _LEASE
-        living = {
-            publisher[:PROCESS]
-            for topic in self.topics.values()
-            for publisher in topic.doubted
-            if topic.heard_again or long_ago
-        }
-        for topic in self.topics.values():
-            topic.believe(living)
 
     def serve(self) -> None:
         """Do what services were asked for, and answer."""

@@ -240,17 +240,6 @@ class Playback:
             self._outputs.publish_clock(self._from)
         self._publish(hurried=True)
 
-    def burst(self, count: int) -> int:
-        """Publish the next messages of a paused playback, all for a count of 0; return how many."""
-        if not self.paused:
-            raise PlaybackError("the replay is not paused")
-        before = self.published
-        while self._next is not None and not self._stopped and not self._interrupted():
-            self.play_next()
-            if self.published - before == count:
-                break
-        return self.published - before
-
     def _position_at(self, now: int) -> int:
         if self.paused:
             return self._from

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
-from rpud_msgs.srv import Burst, GetRate, IsPaused, Seek, SetRate
+from rpud_msgs.srv import Seek, SetRate
 from std_srvs.srv import Trigger
 
 import rpud_sim.bag
@@ -215,13 +215,10 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
     return converted
 
 
-# Types of the services, and what they do; that returns fields of the response, none for a success.
-_SERVICES: dict[str, tuple[Any, Callable[[Playback, Any], dict[str, Any] | None]]] = {
+# Types of the services, and what they do.
+_SERVICES: dict[str, tuple[Any, Callable[[Playback, Any], None]]] = {
     "pause": (Trigger, lambda playback, request: playback.pause()),
     "resume": (Trigger, lambda playback, request: playback.pause(False)),
-    "toggle_paused": (Trigger, lambda playback, request: playback.pause(not playback.paused)),
-    "is_paused": (IsPaused, lambda playback, request: {"paused": playback.paused}),
-    "get_rate": (GetRate, lambda playback, request: {"rate": playback.rate}),
     "set_rate": (SetRate, lambda playback, request: playback.set_rate(request.rate)),
     "seek": (
         Seek,
@@ -230,19 +227,11 @@ _SERVICES: dict[str, tuple[Any, Callable[[Playback, Any], dict[str, Any] | None]
         ),
     ),
     "play_next": (Trigger, lambda playback, request: playback.play_next()),
-    "burst": (
-        Burst,
-        lambda playback, request: {
-            "actually_burst": playback.burst(request.num_messages),
-            "success": True,
-        },
-    ),
-    "stop": (Trigger, lambda playback, request: playback.stop()),
 }
 
 
 def offer_services(node: Replayer, playback: Playback) -> None:
-    """Offer the services of ``ros2 bag play`` below the node's name, with their meanings."""
+    """Offer services of ``ros2 bag play`` below the node's name, with their meanings."""
     for name, (kind, act) in _SERVICES.items():
         node.create_service(kind, f"~/{name}", partial(_answer, node, playback, name, act))
 
@@ -251,21 +240,22 @@ def _answer(
     node: Replayer,
     playback: Playback,
     name: str,
-    act: Callable[[Playback, Any], dict[str, Any] | None],
+    act: Callable[[Playback, Any], None],
     request: Any,
     response: Any,
 ) -> Any:
+    reason = ""
     try:
-        fields = playback.do(lambda each: act(each, request)) or {"success": True}
+        playback.do(lambda each: act(each, request))
     except PlaybackError as error:
-        node.get_logger().warning(f"{name} is refused: {error}")
-        fields = {"success": False, "message": str(error)}
+        reason = str(error)
+        node.get_logger().warning(f"{name} is refused: {reason}")
     except Exception as error:  # out of the executor it would leave a client without answer
-        node.count_failure(f"{name}: {raised(error)}")
-        fields = {"success": False, "message": raised(error)}
-    for field, value in fields.items():
-        if hasattr(response, field):  # those that only ask have no success
-            setattr(response, field, value)
+        reason = raised(error)
+        node.count_failure(f"{name}: {reason}")
+    response.success = not reason
+    if hasattr(response, "message"):
+        response.message = reason
     return response
 
 

@@ -153,14 +153,6 @@ def test_steps_go_from_message_to_message():
     assert [offset for offset, _ in stage.sent[4:]] == [SECOND, SECOND, 5 * SECOND]
 
 
-@pytest.mark.parametrize("count", [0, 1, 3, 100])
-def test_a_burst_gives_as_many_as_there_are(count):
-    stage = Stage(range(0, 5 * SECOND, SECOND), start_paused=True)
-    given = stage.playback.burst(count)
-    assert given == len(stage.sent) == min(count or 5, 5)
-    assert stage.playback.position == START + (given - 1) * SECOND
-
-
 def test_a_loop_begins_again_a_moment_later():
     stage = Stage([0, SECOND], loop=True)
     stage.run(3.25)
@@ -203,7 +195,7 @@ def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, 
         "faster": lambda: playback.set_rate(min(RATE.maximum, playback.rate * 3)),
         "slower": lambda: playback.set_rate(playback.rate / 3),
         "busy": lambda: setattr(stage, "now", stage.now + 2 * SECOND),
-        "next": lambda: playback.burst(1) if playback.paused else None,
+        "next": lambda: playback.play_next() if playback.paused and playback._next else None,
     }
     last = START
     for wait, change in story:
@@ -233,9 +225,9 @@ def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND], rate=2.0)
     stage.run()
     assert stage.hurried == [True, True, True]
-    stage = Stage([0, SECOND, 2 * SECOND], start_paused=True)
-    stage.playback.burst(0)
-    assert stage.hurried == [True, True, True]
+    stage = Stage([0, SECOND], start_paused=True)
+    stage.playback.play_next()
+    assert stage.hurried == [True]
 
 
 def message(number, size=0):

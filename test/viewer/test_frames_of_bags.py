@@ -198,7 +198,7 @@ def test_commands_and_faults_are_told_in_words(store):
     frame = asked(store)
     assert [(each["time"], each["kind"], each["text"]) for each in frame["log"]] == [
         (0.0, "run", "a run begins"),
-        (0.4, "fault", "fault 1: bias of reacting force 5 N begins"),
+        (0.4, "fault", "fault 1: bias on reacting force 5 N begins"),
         (pytest.approx(0.7), "fault", "fault 1 ends"),
         (1.0, "fault", "fault 2: restitution loss 0.5 begins"),
         (DURATION, "run", "the drill stops"),

@@ -228,7 +228,7 @@ def test_what_never_comes_true_is_named_with_the_values_and_the_state_of_the_dri
     with pytest.raises(AssertionError) as error:
         drill.step_until(lambda: drill.status.impacts < 0, timeout=0.2)
     awaited, state = str(error.value).splitlines()
-    assert awaited.startswith("the condition of test_drill.py:")
+    assert awaited.startswith("the condition of test_drill_fixture.py:")
     assert awaited.endswith(" did not come true within 0.2 s of simulation time")
     assert state == HERE.format(0.2)
     with pytest.raises(AssertionError) as error:

@@ -45,7 +45,7 @@ def test_entries_are_told_in_words():
         "feed holds",
         "feed to 20 mm",
         "parameters: rock_model energy",
-        "noise of wrench 300 mN begins",
+        "noise on wrench 300 mN begins",
         "the drill stops",
     ]
     kinds = [entry["kind"] for entry in commands.frame()["log"]]
@@ -77,7 +77,7 @@ def test_faults_of_the_drill_take_the_place_of_those_of_the_journal():
     commands = begun()
     commands.add(8.0, "inject", {"fault": FAULT, "duration": 0})
     faults = [{**FAULT, "number": 2, "onset": 8.0, "end": 9.5}]
-    assert texts(commands, faults)[1:] == ["fault 2: noise of wrench 300 mN begins", "fault 2 ends"]
+    assert texts(commands, faults)[1:] == ["fault 2: noise on wrench 300 mN begins", "fault 2 ends"]
 
 
 def test_what_is_left_out_is_counted():
