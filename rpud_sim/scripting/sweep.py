@@ -8,12 +8,12 @@ import os
 import signal
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from numbers import Real
-from typing import TYPE_CHECKING, Any
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rpud_sim.foundation.child_process import end_with_parent
 from rpud_sim.foundation.extras import import_extra
+from rpud_sim.foundation.options import POSITIVE_SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
 from rpud_sim.scripting.runs import DrillRun, simulate
 from rpud_sim.simulation.configuration import PARAMETERS
@@ -24,13 +24,13 @@ from rpud_sim.simulation.versions import engine_versions
 if TYPE_CHECKING:
     import pandas
 
-    Points = Mapping[str, Any] | Sequence[Mapping[str, Any]] | pandas.DataFrame
+Points: TypeAlias = "Mapping[str, Any] | Sequence[Mapping[str, Any]] | pandas.DataFrame"
 
 _SEEDS = Quantity("", "number of runs at each point", 1, 1e6, whole=True)
 _TASK = 20.0  # simulated time of a task, about: long beside the way to a worker [s]
 _TASKS = 64  # of a small sweep, so that several workers have work
 _DELAY = 2.0  # until a terminal shows the progress [s]
-_UNITS = {**FIGURES, "duration": "s", "seed": "", "depth": "m", "penetration_rate": "m/s"}
+_UNITS = {**FIGURES, "depth": "m", "penetration_rate": "m/s"}  # of the figures of a run
 
 
 def sweep(
@@ -52,20 +52,22 @@ def sweep(
         ParameterError: for a name or a value that cannot be used, before anything runs.
     """
     pandas = import_extra("pandas", "a sweep", "pandas")
+    POSITIVE_SECONDS.check("duration", duration)
     rows = _rows(points)
-    numbers = range(int(_SEEDS.check("seeds", seeds))) if isinstance(seeds, Real) else [*seeds]
-    places = [(row, seed) for row in rows for seed in numbers]
-    runs = [_run(number, row, duration, seed) for number, row in enumerate(rows) for seed in numbers]
-    if executor is None and runs:
-        with _pool(len(runs)) as executor:
-            compile_kernels(runs[0].plan.beginning.settings.configuration)  # once, for all of them
-            found = list(_results(runs, executor))
-    else:
-        found = list(_results(runs, executor))
-    names = dict.fromkeys(itertools.chain(*rows))
+    numbers = seeds if isinstance(seeds, Sequence) else range(int(_SEEDS.check("seeds", seeds)))
+    places = [(number, seed) for number in range(len(rows)) for seed in numbers]
+    if not places:
+        raise ParameterError("points and seeds of a sweep: there are none")
+    runs = [_run(number, rows[number], duration, seed) for number, seed in places]
+    with _pool(runs) if executor is None else nullcontext(executor) as workers:
+        found = list(_results(runs, workers))
+    names = dict.fromkeys(itertools.chain(*rows, ["seed"], *(figures for figures, _ in found)))
     frame = pandas.DataFrame(
-        [{**row, "seed": seed, **figures} for (row, seed), (figures, _) in zip(places, found)],
-        columns=[*names, *dict.fromkeys(["seed", *itertools.chain(*(f for f, _ in found))])],
+        [
+            {**rows[number], "seed": seed, **figures}
+            for (number, seed), (figures, _) in zip(places, found, strict=True)
+        ],
+        columns=list(names),
     )
     frame["failure"] = pandas.Series([reason for _, reason in found], dtype=object)
     frame.attrs["units"] = {name: unit_of(name) for name in frame}
@@ -115,7 +117,7 @@ def _results(runs: Sequence[DrillRun], executor: Any) -> Iterator[Result]:
     """Yield the results of runs in their order; a task that is lost costs its own runs alone."""
     from tqdm import tqdm
 
-    size = max(1, min(int(_TASK / max(runs[0].duration, 1e-9)), len(runs) // _TASKS)) if runs else 1
+    size = max(1, min(int(_TASK / runs[0].duration), len(runs) // _TASKS))
     tasks = [runs[start : start + size] for start in range(0, len(runs), size)]
     futures = [executor.submit(_figures, task, engine_versions()) for task in tasks]
     try:
@@ -140,8 +142,9 @@ def _figures(runs: Sequence[DrillRun], versions: Mapping[str, str]) -> list[Resu
     found: list[Result] = []
     for run in runs:
         try:
-            numbers = {n: each for n, each in run.figures.items() if not isinstance(each, dict)}
-            found.append((numbers, None))
+            found.append(
+                ({name: run.figures[name] for name in _UNITS if name in run.figures}, None)
+            )
         except Exception as error:
             found.append(({}, _reason(error)))
     return found
@@ -152,11 +155,12 @@ def _reason(error: Exception) -> str:
 
 
 @contextmanager
-def _pool(most: int) -> Iterator[ProcessPoolExecutor]:
-    """Context with a process for each core, which ends with this one."""
+def _pool(runs: Sequence[DrillRun]) -> Iterator[ProcessPoolExecutor]:
+    """Context with a process for each core; they end with this one."""
+    compile_kernels(runs[0].plan.beginning.settings.configuration)  # once, or each would do it
     context = multiprocessing.get_context("forkserver")  # a fork would copy locks of threads
     context.set_forkserver_preload([__name__])
-    cores = min(len(os.sched_getaffinity(0)), most)
+    cores = min(len(os.sched_getaffinity(0)), len(runs))
     pool = ProcessPoolExecutor(cores, context, _begin_worker)
     try:
         yield pool

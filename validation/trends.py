@@ -1,10 +1,10 @@
-"""Parameter studies of Figs. 15-18: four parameters, four outputs, and a verdict on each trend.
+"""Trends of Figs. 15-18: four parameters, four outputs, and a verdict on each.
 
-Each point is an ensemble of long runs over initial phases. Each point has other phases, so that all
-members are independent. A trend is tested with Kendall's tau between the parameter and the members'
-outputs (with ties: the Jonckheere-Terpstra test); Holm's method corrects the p-values of all trends
-together. A trend that is significant but changes the output by less than ``LITTLE`` from end
-to end counts as flat: the paper's "little effect".
+Each point is an ensemble of long runs over initial phases of its own, so that all are independent.
+A trend is tested with Kendall's tau between the parameter and the members' outputs (with ties: the
+Jonckheere-Terpstra test); Holm's method corrects the p-values of all trends together. A trend that
+is significant but changes the output by less than ``LITTLE`` from end to end counts as flat: the
+paper's "little effect".
 """
 
 from __future__ import annotations
@@ -14,11 +14,8 @@ import dataclasses
 import numpy as np
 from scipy import stats
 
-from rpud_sim.recorded.compare.estimates import holm
 from rpud_sim.simulation import Parameters
-from rpud_sim.simulation.configuration import whole_configuration
-from rpud_sim.studies.fit.measures import Measure, measure
-from validation.jobs import Track, gather
+from validation.numbers import gather, runs_of
 
 VALUES = {
     "actuator_restitution": np.linspace(0.5, 1.0, 9),
@@ -26,12 +23,8 @@ VALUES = {
     "rpud_damping_ratio": np.linspace(0.1, 0.9, 9),
     "weight_on_bit": np.linspace(0.0, 40.0, 9),
 }
-OUTPUTS = (
-    "contact_force_mean",
-    "drill_tool_impact_rate",
-    "kinetic_energy_rate",
-    "reacting_force_mean",
-)
+_IMPACTS = "drill_tool_impact_rate"
+OUTPUTS = ("contact_force_mean", _IMPACTS, "kinetic_energy_rate", "reacting_force_mean")
 
 SETTLING = 1.0  # simulated before statistics begin [s]
 SIGNIFICANCE = 0.05
@@ -64,17 +57,6 @@ class Study:
     values: np.ndarray  # of the parameter, shape (n,), SI units
     members: dict[str, np.ndarray]  # outputs at each value, by output, shape (n, members)
 
-    def mean(self, output: str) -> np.ndarray:
-        """Return the mean at each value, shape (n,)."""
-        return self.members[output].mean(axis=1)
-
-    def half_interval(self, output: str) -> np.ndarray:
-        """Return half the 95 % interval of each mean by Student's t, shape (n,)."""
-        members = self.members[output]
-        count = members.shape[1]
-        error = np.std(members, axis=1, ddof=1) / np.sqrt(count)
-        return error * stats.t.ppf(0.975, count - 1)
-
     def slope(self, output: str) -> tuple[float, float]:
         """Return slope of an output over the parameter, and half its 95 % interval."""
         members = self.members[output]
@@ -94,57 +76,52 @@ class Trend:
     change_interval: float  # half its 95 % interval
 
 
-def run_studies(
-    base: Parameters, members: int, duration: float, seed: int, track: Track
-) -> list[Study]:
-    """Return the four studies of a drill.
-
-    Args:
-        members: number of runs at each point.
-        duration: of each run, after it has settled [s].
-    """
+def run_studies(base: Parameters, members: int, duration: float, seed: int) -> list[Study]:
+    """Return the four studies of a drill, with runs of a duration after they have settled [s]."""
     random = np.random.default_rng(seed)
-    measures = [Measure(output, SETTLING, SETTLING + duration) for output in OUTPUTS]
     jobs = [
-        (base.replace(**{name: float(value)}), float(phase))
+        (base.replace(**{name: float(value)}), float(phase), duration)
         for name, values in VALUES.items()
         for value in values
         for phase in random.random(members)
     ]
-    rows = iter(
-        gather(
-            lambda job: measure(whole_configuration(job[0]), job[1], measures),
-            jobs,
-            "studies",
-            track,
-        )
-    )
-    studies = []
-    for name, values in VALUES.items():
-        table = np.array([[next(rows) for _ in range(members)] for _ in values])
-        columns = {output: table[:, :, i] for i, output in enumerate(OUTPUTS)}
-        studies.append(Study(name, values, columns))
-    return studies
+    table = np.array(gather(_outputs, jobs, "studies")).reshape(len(VALUES), -1, members, 4)
+    return [
+        Study(name, values, {output: own[:, :, i] for i, output in enumerate(OUTPUTS)})
+        for (name, values), own in zip(VALUES.items(), table, strict=True)
+    ]
+
+
+def _outputs(drill: Parameters, phase: float, duration: float) -> list[float]:
+    """Return the outputs of a run after it has settled: the whole run less its beginning."""
+    times = SETTLING, SETTLING + duration
+    early, late = (run.figures for run in runs_of(drill, phase, *times))
+
+    def after(name: str, *weights: float) -> float:
+        total = weights[1] * late[name] - weights[0] * (early[name] or 0.0)
+        return float(total / (weights[1] - weights[0]))
+
+    impacts = times[0] * early[_IMPACTS], times[1] * late[_IMPACTS]
+    return [after(name, *(impacts if name == "contact_force_mean" else times)) for name in OUTPUTS]
 
 
 def find_trends(studies: list[Study]) -> list[Trend]:
     """Return the verdict on each output of each study."""
     cases = [(study, output) for study in studies for output in OUTPUTS]
-    adjusted = holm([_kendall(study, output) for study, output in cases])
-    return [
-        _verdict(study, output, p_value)
-        for (study, output), p_value in zip(cases, adjusted, strict=True)
-    ]
-
-
-def _kendall(study: Study, output: str) -> float:
-    members = study.members[output]
-    values = np.repeat(study.values, members.shape[1])
-    return float(stats.kendalltau(values, members.ravel()).pvalue)
+    rows = [(np.repeat(s.values, s.members[o].shape[1]), s.members[o].ravel()) for s, o in cases]
+    values = [float(stats.kendalltau(*row).pvalue) for row in rows]
+    # Holm: the smallest p-value counts once for each case, the next once less.
+    order = np.argsort(values, kind="stable")
+    scaled = np.array(values)[order] * np.arange(len(values), 0, -1)
+    adjusted = np.empty(len(values))
+    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return [_verdict(*case, float(p)) for case, p in zip(cases, adjusted, strict=True)]
 
 
 def _verdict(study: Study, output: str, p_value: float) -> Trend:
-    mean, half = study.mean(output), study.half_interval(output)
+    members = study.members[output]
+    mean, count = members.mean(axis=1), members.shape[1]
+    half = members.std(axis=1, ddof=1) / np.sqrt(count) * stats.t.ppf(0.975, count - 1)
     scale = float(mean.mean())
     change = float(mean[-1] - mean[0]) / scale
     interval = float(np.hypot(half[-1], half[0])) / scale
