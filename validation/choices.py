@@ -141,7 +141,6 @@ AS_FIGURE_12 = "Fig. 12's tool"
 AS_FIGURE_12_PRINTED_AMPLITUDE = "Fig. 12's tool, A as printed"
 FITTED = "Fig. 12's tool, fitted"
 ONE_AMPLITUDE = "one A and e_1, Fig. 12's tool"
-ONE_AMPLITUDE_IN_SERIES = "one A and e_1, springs in series"
 
 _HALF_AMPLITUDE = 17.5e-6  # 35 um read as peak to peak [m]
 _BEFORE = Before(drill_tool_mass=SHAPE_MASS)
@@ -185,7 +184,7 @@ NAMED = (
         "in the paper names them."),
     Choices(ONE_AMPLITUDE, Before(30.6e-6, 0.43, 9.81), Rock(30.6e-6, 0.43, 5.7, tool=IMPLIED),
         _SEARCHED),
-    Choices(ONE_AMPLITUDE_IN_SERIES, Before(33e-6, 0.67, 0.0, SHAPE_MASS),
+    Choices("one A and e_1, springs in series", Before(33e-6, 0.67, 0.0, SHAPE_MASS),
         Rock(33e-6, 0.67, 5.7, 0.0, tool=SHAPE_ON_SERIES, energy="common"), _SEARCHED),
 )  # fmt: skip
 

@@ -25,7 +25,6 @@ from rpud_sim.simulation import Parameters, preset
 from validation.numbers import CONTACT_SPEED, gather
 
 FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]
-
 WAVE_STEPS = 800  # of time, in which a wave passes through part I
 
 # The mass has left the bar after this share of the slowest period of both together.

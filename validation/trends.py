@@ -27,8 +27,7 @@ _IMPACTS = "drill_tool_impact_rate"
 OUTPUTS = ("contact_force_mean", _IMPACTS, "kinetic_energy_rate", "reacting_force_mean")
 
 SETTLING = 1.0  # simulated before statistics begin [s]
-SIGNIFICANCE = 0.05
-LITTLE = 0.05
+SIGNIFICANCE, LITTLE = 0.05, 0.05
 
 # The paper's claims about each study, in the order of OUTPUTS. Section IV swaps the letters of the
 # panels (c) and (d) of Fig. 17.
