@@ -175,9 +175,9 @@ help: ## Show this help
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
 
-# What tests, studies, exports and comparisons need, and a drill does not.
+# What tests, sweeps, exports and comparisons need, and a drill does not.
 .venv/.rest: $(REST) .venv/.installed
-	@echo "Installing packages of tests and studies into .venv ..."
+	@echo "Installing packages of tests and sweeps into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 

@@ -87,8 +87,7 @@ def test_what_needs_no_runs_is_there_to_the_letter(results):
     stated = [row[:3] for row in table_of("contradictions")[1:]]
     assert stated == [list(row[:3]) for row in contradiction_table(results).rows]
     assert {row[0]: row[1:] for row in table_of("choices")[1:]} == {
-        choices.name: [str(choices.before), str(choices.rock), choices.reasons]
-        for choices in NAMED
+        choices.name: [str(choices.before), str(choices.rock), choices.reasons] for choices in NAMED
     }
 
 
