@@ -222,6 +222,7 @@ install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/mod
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@echo "Building the package ..."
+	@find build install -xtype l -delete 2> /dev/null || true # else files that were removed stay, and fail
 	@$(COLCON_BUILD) rpud_sim
 	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@

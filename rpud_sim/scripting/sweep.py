@@ -6,12 +6,12 @@ import itertools
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rpud_sim.foundation.child_process import end_with_parent
 from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.options import POSITIVE_SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
@@ -169,5 +169,13 @@ def _pool(runs: Sequence[DrillRun]) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that was called handles Ctrl-C
-    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller handles Ctrl-C
+    threading.Thread(target=_end_with_caller, daemon=True).start()
+
+
+def _end_with_caller() -> None:
+    """End this process when the caller has ended: its server lives as long as this process."""
+    caller = multiprocessing.parent_process()
+    assert caller is not None
+    caller.join()
+    os._exit(1)
