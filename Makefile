@@ -175,9 +175,9 @@ help: ## Show this help
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
 
-# What tests, studies, exports and comparisons need, and a drill does not.
+# What tests, sweeps, exports and comparisons need, and a drill does not.
 .venv/.rest: $(REST) .venv/.installed
-	@echo "Installing packages of tests and studies into .venv ..."
+	@echo "Installing packages of tests and sweeps into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
@@ -222,7 +222,7 @@ install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/mod
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@echo "Building the package ..."
-	@rm -rf build/rpud_sim # else a launch file that was removed ends the build
+	@find build install -xtype l -delete 2> /dev/null || true # else files that were removed stay, and fail
 	@$(COLCON_BUILD) rpud_sim
 	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@

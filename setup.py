@@ -34,7 +34,6 @@ ROS = [
 ]
 WEB = ["matplotlib>=3.7", "scipy", "tornado"]
 EXPORT = ["pyarrow"]
-STUDIES = ["emcee>=3.1", "matplotlib>=3.7", "scipy", *EXPORT]
 
 setup(
     name=PACKAGE,
@@ -88,8 +87,7 @@ setup(
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
         "web": WEB,  # watch, report, compare: whatever writes or serves a page of recorded runs
         "export": EXPORT,
-        "studies": STUDIES,  # sweep, fit
-        "cluster": [*STUDIES, "distributed"],
+        "studies": ["matplotlib>=3.7", "pandas", *EXPORT],  # sweep
         # What the plugin and campaigns need: each leaves a page.
         "test": ["pytest>=8", *WEB],
     },

@@ -9,6 +9,8 @@
     run["contact_force"]["peak_force"]                # a NumPy array [N]
     run.plot()
 
+    rpud_sim.sweep({"weight_on_bit": [5, 10, 20]}, 2, seeds=8)   # a pandas frame
+
     drill = rpud_sim.Drill(weight_on_bit=8)           # step by step
     drill.press(20)
     drill.step(0.1)
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from rpud_sim.scripting.bags import DrillBag, open
     from rpud_sim.scripting.drill import Drill
     from rpud_sim.scripting.runs import DrillRun, simulate
+    from rpud_sim.scripting.sweep import sweep
     from rpud_sim.simulation.configuration import PARAMETERS
 
     __version__: str
@@ -41,6 +44,7 @@ _MODULES = {
     "scripting.bags": ("DrillBag", "open"),
     "scripting.drill": ("Drill",),
     "scripting.runs": ("DrillRun", "simulate"),
+    "scripting.sweep": ("sweep",),
     "simulation.configuration": ("PARAMETERS",),
 }
 
@@ -54,6 +58,7 @@ __all__ = [
     "compare",
     "open",
     "simulate",
+    "sweep",
     "verify",
 ]
 

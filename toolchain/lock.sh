@@ -9,11 +9,11 @@ lock() { # OUTPUT OPTION|INPUT...
     --no-binary empy --custom-compile-command "make lock" --output-file "$@"
 }
 
-beside() { # LOCK OUTPUT OPTION|INPUT...: without what LOCK installs already
-  local base="$1" left_out
+beside() { # LOCKS OUTPUT OPTION|INPUT...: without what LOCKS install already
+  local base=($1) left_out
   shift
-  left_out=($(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' "$base"))
-  lock "$@" --constraints "$base" "${left_out[@]/#/--no-emit-package=}"
+  left_out=($(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' "${base[@]}"))
+  lock "$@" "${base[@]/#/--constraints=}" "${left_out[@]/#/--no-emit-package=}"
 }
 
 # `make run` installs wheels.lock or installed_ros.lock, all other targets the rest as well.
@@ -27,7 +27,7 @@ beside installed_ros.lock installed_ros_rest.lock "${ubuntu[@]}" extras.in test.
 lock browser.lock "${universal[@]}" --constraints wheels.lock --constraints rest.lock browser.in
 lock lint.lock "${universal[@]}" --constraints wheels.lock --constraints rest.lock lint.in
 lock docs.lock "${universal[@]}" docs.in
-beside wheels.lock optional.lock "${universal[@]}" --constraints rest.lock --no-annotate optional.in
+beside "wheels.lock rest.lock" optional.lock "${universal[@]}" --no-annotate optional.in
 
 # Conditions that hold on every supported machine would only make the lines long.
 sed -i -E "s/ and (python_full_version < '3.14'|platform_python_implementation != 'PyPy')//

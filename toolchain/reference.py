@@ -162,7 +162,7 @@ def table(rows: Rows) -> str:
 def faces() -> str:
     """Return the members of the classes of the package's face, with types."""
     parts = []
-    for name in ("simulate", "open", "DrillRun", "Drill", "DrillBag"):
+    for name in ("simulate", "sweep", "open", "DrillRun", "Drill", "DrillBag"):
         item = getattr(rpud_sim, name)
         if inspect.isclass(item):
             rows = [("member", "meaning"), *_members(item)]

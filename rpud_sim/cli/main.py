@@ -25,7 +25,7 @@ _MODULES = (
     ("bags", "bags", "export report"),
     ("bags", "bags", "compare"),
     ("test", "test", "test"),
-    ("study", "studies", "sweep fit"),
+    ("study", "sweep", "sweep"),
 )
 
 COMMANDS: Mapping[str, tuple[str, str]] = {

@@ -24,7 +24,7 @@ TRACEBACK = "RPUD_TRACEBACK"
 _SIGNAL = 128  # exit code of a signal, without its number
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
-_EXTRA_MODULES = ("emcee", "matplotlib", "pyarrow", "pytest", "scipy", "tornado")
+_EXTRA_MODULES = ("matplotlib", "pandas", "pyarrow", "pytest", "scipy", "tornado")
 _EXTRAS = {
     "rpud export": "export",
     "rpud report": "report",

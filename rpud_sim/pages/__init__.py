@@ -1,4 +1,4 @@
-"""Pages of comparisons, studies and campaigns.
+"""Pages of comparisons and campaigns.
 
 A page is one HTML file. It needs no network and no script; its policy allows neither. ``frame``
 makes a page from a template of jinja2, with pictures by matplotlib in it; ``share`` has its style,

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import yaml
 from browser_pages import HEIGHT, PHONE, WIDE
 from campaign_results import FAILURE, flown
 from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offline_bag
@@ -12,7 +11,6 @@ from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
-from rpud_sim.studies.fit import posterior
 from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_runs import campaign_page
 
@@ -24,26 +22,6 @@ faults:
   - {kind: bias, channel: wrench, magnitude: 100, onset: 0.25, duration: 0.5}
   - {kind: free_mass_jammed, onset: 0.7}
 """
-FIT = {
-    "parameters": {"regime": "drilling"},
-    "unknowns": {"weight_on_bit": [4.0, 20.0], "contact_model": ["printed", "mode_shape"]},
-    "points": 16,
-    "rounds": 1,
-    "repeat": 2,
-    "targets": [
-        {"figure": "reacting_force_mean", "window": 0.5, "value": 15.0, "tolerance": "30 %"},
-        {"figure": "contact_force_mean", "window": 0.5, "value": 5000.0, "tolerance": "80 %"},
-    ],
-}
-SWEEP = {
-    "design": "grid",
-    "repeat": 2,
-    "duration": 0.05,
-    "swept": {
-        "weight_on_bit": {"minimum": 10, "maximum": 40, "points": 4},
-        "contact_model": ["printed", "rayleigh"],
-    },
-}
 HOSTILE = (
     '/rpud/<script>console.error("x")</script><img src=x onerror=alert(1)>/{{ 7*7 }}/' + "W" * 300
 )
@@ -73,16 +51,6 @@ def compared(folder):
     return "compare", folder / "bag", other, "--out", folder / "out.html"
 
 
-def fitted(folder):
-    (folder / "targets.yaml").write_text(yaml.safe_dump(FIT))
-    return "fit", folder / "targets.yaml", "--out", folder / "out"
-
-
-def swept(folder):
-    (folder / "sweep.yaml").write_text(yaml.safe_dump(SWEEP))
-    return "sweep", folder / "sweep.yaml", "--workers", 1, "--out", folder / "out"
-
-
 def judged_campaign(folder):
     """The page of a campaign whose outcomes are given."""
     campaign = read_campaign(CAMPAIGN)
@@ -95,27 +63,23 @@ PAGES = {
     "report": drilled,
     "hostile report": hostile,
     "comparison": compared,
-    "fit": fitted,
-    "sweep": swept,
     "campaign": judged_campaign,
 }
 
 
 @pytest.fixture(scope="module", params=PAGES)
 def file(request, tmp_path_factory):
-    """File of a page, made from a real bag or study by its command."""
+    """File of a page, made from a real bag by its command."""
     folder = tmp_path_factory.mktemp("page")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(posterior, "STEPS", 160)
-        if words := PAGES[request.param](folder):
-            with pytest.raises(SystemExit) as end:
-                main([str(word) for word in words])
-            assert end.value.code in (0, 1, 3)
+    if words := PAGES[request.param](folder):
+        with pytest.raises(SystemExit) as end:
+            main([str(word) for word in words])
+        assert end.value.code in (0, 1, 3)
     (page,) = folder.rglob("*.html")
     return page
 
 
-STUDIES = ("comparison", "fit", "sweep", "campaign")
+STATIC = ("comparison", "campaign")
 SCREENS = 4
 
 
@@ -128,8 +92,8 @@ def test_a_page_is_good(file, page_of, width, scheme):
     page.check()
 
 
-def test_a_page_of_a_study_is_short_and_static(file, page_of, request):
-    if request.node.callspec.params["file"] not in STUDIES:
+def test_a_page_of_results_is_short_and_static(file, page_of, request):
+    if request.node.callspec.params["file"] not in STATIC:
         pytest.skip("a report is another kind of page")
     page = page_of(file, offline=True)
     page.settle()

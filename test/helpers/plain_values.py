@@ -1,12 +1,6 @@
-"""Plain values as YAML files hold them: hostile ones, and the studies that they describe."""
-
-from pathlib import Path
+"""Plain values as YAML files hold them, hostile ones among them."""
 
 from hypothesis import strategies as st
-
-from rpud_sim.foundation.yaml_files import cursor_at
-from rpud_sim.studies.fit import target_file
-from rpud_sim.studies.sweep import specification_file
 
 
 def contents(keys, words):
@@ -26,13 +20,3 @@ def contents(keys, words):
         max_leaves=12,
     )
     return names, nested
-
-
-def parse_specification(content):
-    """Return the sweep that plain values describe."""
-    return specification_file.specification_of(cursor_at(content, "FILE"))
-
-
-def parse_targets(content, folder=Path()):
-    """Return the fit that plain values describe; the paths in it begin at a folder."""
-    return target_file.specification_of(cursor_at(content, str(folder / "FILE")))

@@ -30,8 +30,8 @@ def equal(one, other):
     )
 
 
-def test_the_face_has_ten_names_and_a_version():
-    assert len(rpud_sim.__all__) == 10
+def test_the_face_has_eleven_names_and_a_version():
+    assert len(rpud_sim.__all__) == 11
     assert all(getattr(rpud_sim, name) is not None for name in rpud_sim.__all__)
     assert rpud_sim.__version__[0].isdigit()
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):

@@ -7,12 +7,10 @@ import pytest
 
 from rpud_sim.simulation import preset, to_configuration
 from rpud_sim.simulation.configuration import read_parameter_file
-from validation.contradictions import contradiction_rows
-from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES
-from validation.page import page
-from validation.paper_numbers import MEASURED, SIMULATED
-from validation.results import Effort, named, run_validation
-from validation.tables import FILES, tool_table
+from validation.choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES, named
+from validation.numbers import MEASURED, SIMULATED
+from validation.page import FILES, contradiction_table, page, tool_table
+from validation.scores import Effort, run_validation
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "validation.md"
@@ -87,10 +85,9 @@ def test_the_verdicts_on_trends_are_those_of_the_model(results):
 def test_what_needs_no_runs_is_there_to_the_letter(results):
     assert table_of("tools") == [list(row) for row in (tool_table().heading, *tool_table().rows)]
     stated = [row[:3] for row in table_of("contradictions")[1:]]
-    assert stated == [list(row[:3]) for row in contradiction_rows(results)]
+    assert stated == [list(row[:3]) for row in contradiction_table(results).rows]
     assert {row[0]: row[1:] for row in table_of("choices")[1:]} == {
-        choices.name: [str(choices.before), str(choices.rock), " ".join(choices.reasons)]
-        for choices in NAMED
+        choices.name: [str(choices.before), str(choices.rock), choices.reasons] for choices in NAMED
     }
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.parameter_studies import OUTPUTS, Study, find_trends
+from validation.trends import OUTPUTS, Study, find_trends
 
 
 def study(*slopes, noise=0.01, seed=0):

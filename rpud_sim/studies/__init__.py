@@ -1,1 +1,0 @@
-"""Studies of many runs: sweeps, data sets, sensitivity and fits."""
