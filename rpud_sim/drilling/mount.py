@@ -18,6 +18,7 @@ from rpud_sim.foundation.quantities import (
     number,
 )
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.parameters import QUANTITIES
 
 RATE = "rate"
 POSITION = "position"
@@ -199,20 +200,33 @@ class MountState:
     in_contact: bool  # whether the drill tool is in the rock
     slip: float  # way of the host since time zero, toward the rock [m]
     bottom: float  # of the hole [m]; infinite if there is none
+    # Within a step the force of the drill on the mount follows a deviation of the mount by these.
+    stiffness: float  # of the load spring [N/m]
+    damping: float  # of the load spring [N s/m]
+    swings: bool  # whether the velocity of a given motion changes its sign each time, undamped
     work: MountWork = MountWork()  # energies since time zero
 
 
 class Advance(NamedTuple):
     """Motion of the mount in one step, as the bodies of the drill see it."""
 
-    # way of the mount beyond the origin of the bodies' displacements, after the step [m]
+    # distance of the mount beyond the origin of the bodies' displacements, after the step [m]
     compression: float
-    moved: float = 0.0  # way of the mount past the bodies' places [m]
-    passed: float = 0.0  # way of the origin past the bodies' places [m]
-    damping_force: float = 0.0  # on the RPUD by the velocity of the mount [N]
-    # of the load spring by the way that the mount makes in half of the next step [N]
+    moved: float = 0.0  # distance of the mount past the bodies' places [m]
+    passed: float = 0.0  # distance of the origin past the bodies' places [m]
+    dragged: float = 0.0  # loss in the damping by the velocity of the mount alone [J]
+    damping_force: float = 0.0  # on the RPUD in the next step, by the velocity of the mount [N]
+    # of the load spring by the distance that the mount makes in half of the next step [N]
     lead_force: float = 0.0
 
+
+# Greatest force of the load spring under a given motion [N], as of ``weight_on_bit``.
+_MOST_FORCE = QUANTITIES["weight_on_bit"].maximum
+
+# Samples in a row whose velocity has another sign, and that do not decay, by which the exchange
+# with another simulator is unstable; and the least velocity that counts [m/s].
+_SWINGS = 8
+_SLOW = 1e-3
 
 # In place of the arm, where the mount is given: it is rigid, and its host never slips.
 _CARRIED = Arm(0.0, 1.0, 0.0, 1e12)
@@ -252,6 +266,11 @@ class Mount:
             settled = drift(self._arm, self._load, start, start, math.inf)
             self.position, self._slip = settled.position, settled.slipped
         self._rate = 0.0  # of the feed's drive [m/s]
+        self._damping = 0.0  # of the load spring [N s/m]
+        self._turns = 0  # samples in a row whose velocity has another sign and does not decay
+        self._speed_before = 0.0  # of the sample before the last one [m/s]
+        self._stalled = False  # whether the feed stalls by a fault
+        self._last_interval = math.inf  # duration of the last step [s]
         self.advance = Advance(self.position - self._load.origin)  # in the last step
         self._feed_work = self._damper_loss = self._slip_loss = self._host_work = 0.0
         self._drill_work = 0.0
@@ -265,7 +284,11 @@ class Mount:
         work = MountWork(self._feed_work, *lost, self._host_work, stored, self._drill_work)
         drive = (self.position, self._feed, self._rate)
         contact = (self.weight_on_bit, self.in_contact)
-        return MountState(*drive, force, *contact, self._slip, self.bottom, work)
+        impedance = (self._load.spring_rate, self._damping)
+        swings = self._turns >= _SWINGS
+        return MountState(
+            *(*drive, force, *contact, self._slip, self.bottom, *impedance, swings, work)
+        )
 
     @property
     def weight_on_bit(self) -> float:
@@ -301,7 +324,8 @@ class Mount:
         if disturbances.arm_slip_rate:
             slip = self._slip - disturbances.arm_slip_rate * interval
             self._host_work += self._shift(load, self._feed, slip)
-        feed = self._next_feed(time, interval, disturbances.feed_stalled)
+        self._stalled, self._last_interval = disturbances.feed_stalled, interval
+        feed = self._next_feed(time, interval, self._stalled)
         self._rate = (feed - self._feed) / interval
         if feed != self._feed:
             start = self.position
@@ -315,6 +339,45 @@ class Mount:
         if not self.in_contact:
             way = (self.position - self._feed) - deflection
         self._arrive(load, bottom, way, interval, percussion.reach)
+
+    def check(self, motion: Motion) -> None:
+        """Check that a motion does not press with more than a weight on bit can be."""
+        if isinstance(motion, MountMotion):
+            force = self._load.spring_rate * (motion.position - self.bottom)
+            if force > _MOST_FORCE:
+                most = self.bottom + _MOST_FORCE / self._load.spring_rate
+                raise ParameterError(
+                    f"mount position = {motion.position:g} m presses with {force:.4g} N, more than "
+                    f"{_MOST_FORCE:g} N: allowed is up to {most:.6g} m"
+                )
+
+    def set_motion(self, motion: Motion) -> None:
+        before, self.motion = self.motion, motion
+        if isinstance(motion, MountMotion) and isinstance(before, MountMotion):
+            turned = motion.velocity * before.velocity < 0.0
+            lasting = abs(motion.velocity) > max(0.9 * self._speed_before, _SLOW)
+            self._turns = self._turns + 1 if turned and lasting else 0
+            self._speed_before = abs(before.velocity)
+
+    def look_ahead(self, time: int, interval: float, spring_rate: float, damping: float) -> None:
+        """Take the forces of the step that comes, until a time [ns], from a given motion.
+
+        Its velocity is known when the step begins. That of an arm is taken from the step before.
+        Motions that come more often than steps cut these: then the step will be as long as the
+        last one.
+        """
+        self._damping = damping
+        if self._parameters.giver is not MountMotion:
+            return
+        distance, rate = 0.0, 0.0
+        if self.in_contact and interval > 0.0:
+            if self._last_interval < interval:
+                time -= round((interval - self._last_interval) * SECOND)
+                interval = self._last_interval
+            distance = self._next_feed(time, interval, self._stalled) - self._feed
+            rate = distance / interval
+        forces = (damping * rate, 0.5 * spring_rate * distance)
+        self.advance = self.advance._replace(damping_force=forces[0], lead_force=forces[1])
 
     @property
     def _rest(self) -> float:
@@ -372,4 +435,5 @@ class Mount:
         push = load.push - load.spring_rate * passed
         self._load = load._replace(origin=origin, push=push)
         damping, lead = load.damping * (way / interval), 0.5 * load.spring_rate * way
-        self.advance = Advance(self.position - origin, way, passed, damping, lead)
+        forces = (damping * way, damping, lead)
+        self.advance = Advance(self.position - origin, way, passed, *forces)

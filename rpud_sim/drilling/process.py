@@ -93,6 +93,13 @@ class Process:
         """Duration of the step that comes next [s]."""
         return (self.next_step - self._time) / SECOND
 
+    def end_step(self, time: int) -> bool:
+        """Let the present step end at a time [ns]; return whether it has begun before."""
+        if time <= self._time:
+            return False
+        self.next_step = time
+        return True
+
     def stiffen(self, stiffness: float) -> None:
         """Step from the next step on as a load spring needs; its rate over the RPUD's mass."""
         self._parts = parts_of(stiffness)

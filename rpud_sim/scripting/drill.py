@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from types import SimpleNamespace
 from typing import Any
-
-import numpy as np
 
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
@@ -16,15 +15,16 @@ from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Clear, Inject, parameter_changes
 from rpud_sim.simulation.commands import Command, Drive, DriveChange, Feed, MountMotion, WeightOnBit
+from rpud_sim.simulation.control import HOLD
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.metrics import Metrics
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario_file import DURATION
 
+_LOST = "the drill is put into the safe state, and a moving mount is held"
 _STEP = Quantity("s", "a simulation time", 1e-9, 1e6)
-_SAMPLES_PER_SECOND = 10_000  # of a mean force: a body's swing on the load spring takes longer
 
 
 class _KeptJournal(Journal):
@@ -68,6 +68,7 @@ class Drill:
         self._journal = _KeptJournal()
         self._block: Block | None = None  # the latest one
         self._blocks: list[Block] = []  # of the latest step
+        self._swings = False  # whether a mount that swings was warned of
         self._seen: tuple[int, int] = (-1, 0)
         self._run = Run(Plan(beginning), self._journal, wanted=None, on_block=self._keep)
         self._run.begin(0)
@@ -106,11 +107,11 @@ class Drill:
     @property
     def reacting_force(self) -> float:
         """Mean force on the mount in the latest step, away from the rock [N]; NaN before it."""
-        if not self._blocks:
-            return math.nan
-        found = [_mean_force(block) for block in self._blocks]
-        lengths = [block.end - block.start for block in self._blocks]
-        return float(np.average(found, weights=lengths))
+        metrics = Metrics()
+        for block in self._blocks:
+            metrics.add(block)
+        found = metrics.values()["reacting_force_mean"]
+        return math.nan if found is None else found
 
     @property
     def torque(self) -> float:
@@ -118,12 +119,26 @@ class Drill:
         rotation = self._run.simulation.process.rotation
         return 0.0 if rotation is None else -rotation.drive_torque
 
+    @property
+    def mount_impedance(self) -> tuple[float, float]:
+        """Stiffness [N/m] and damping [N s/m] of the drill at a given mount; NaN without.
+
+        Within a step the force on the mount grows by them with its distance toward the rock and
+        its velocity. A simulator that takes the force implicitly stays stable with a light mount.
+        """
+        mount = self._run.simulation.process.mount
+        return (math.nan, math.nan) if mount is None else (mount.stiffness, mount.damping)
+
     def step(self, seconds: float) -> float:
         """Advance, and return the simulation time that is reached [s]."""
         until = self._run.time + round(_STEP.check("step", seconds) * SECOND)
         self._blocks.clear()
+        lost = self._run.commands_lost
         self._run.finish(until)
         self._run.watch()
+        if self._run.commands_lost and not lost:
+            after = self._run.settings.command_timeout or HOLD / SECOND
+            warnings.warn(f"no command for {after:g} s: {_LOST}", stacklevel=2)
         return self.time
 
     def reset(self, seed: int | None = None) -> None:
@@ -157,8 +172,19 @@ class Drill:
             self._command(Feed(POSITION, position))
 
     def move(self, position: float, velocity: float = 0.0) -> None:
-        """Command the motion of a given mount: place [m] and velocity [m/s], from now on."""
+        """Command the motion of a given mount: place [m] and velocity [m/s], from now on.
+
+        A mount that moves is held where it is after half a second without a motion.
+        """
         self._command(MountMotion(position, velocity))
+        mount = self._run.simulation.process.mount
+        if mount is not None and mount.swings and not self._swings:
+            self._swings = True
+            warnings.warn(
+                "the mount swings: its velocity changes sign with each step; take a "
+                "shorter step, or mount_impedance implicitly",
+                stacklevel=2,
+            )
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
@@ -208,20 +234,3 @@ class Drill:
     def _keep(self, block: Block) -> None:
         self._block = block
         self._blocks.append(block)
-
-
-def _mean_force(block: Block) -> float:
-    """Return the mean reacting force in a block [N], by samples in the middles of equal parts.
-
-    Velocities jump at impacts: the force of the damping follows from the way, which is exact.
-    """
-    length = (block.end - block.start) / SECOND
-    count = max(4, math.ceil(length * _SAMPLES_PER_SECOND))
-    seconds, rest = divmod(block.start, SECOND)
-    parts = np.concatenate(([0.0], (np.arange(count) + 0.5) / count, [1.0]))
-    samples = block.sample(Times(np.full(count + 2, seconds), rest / SECOND + length * parts))
-    places = samples.nodal_plane_position
-    way = float(places[-1] - places[0])
-    excess = float(samples.nodal_plane_velocity[1:-1].mean()) - way / length
-    damping = float(block.open_segment["load_spring_damping"][0])
-    return float(samples.reacting_force[1:-1].mean()) + damping * excess

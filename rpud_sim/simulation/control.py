@@ -11,13 +11,17 @@ from rpud_sim.simulation.commands import Command, Drive, MountMotion, WeightOnBi
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.simulation import Simulation
 
+# Time without a sample after which a carried mount is held, where no timeout is set [ns].
+HOLD = SECOND // 2
+
 
 class Control:
     """Commands given to a drill, in force in full, in part when they are lost, or not at all.
 
     When no command arrived for ``command_timeout``, the share that acts falls linearly from 1 to 0
     within ``command_loss_ramp``, and stays there until the next one. Where another simulator
-    carries the mount, its samples count, and no other command. ``put`` puts a command into force.
+    carries the mount, its samples count, and no other command; without a timeout the mount is held
+    after half a second, and the drive goes on. ``put`` puts a command into force.
     """
 
     def __init__(
@@ -46,13 +50,23 @@ class Control:
     @property
     def next_action_time(self) -> int:
         """Time from which ``apply_share`` changes something without a command [ns]; ``NEVER``."""
-        if not (self._timeout and self.active):
-            return NEVER
         now = self._simulation.time
+        if not (self._timeout and self.active):
+            due = self._last + HOLD
+            if not self._carried or (self.commands_lost and now >= due):
+                return NEVER
+            return now if self.commands_lost else max(due, now)
         overdue = now - self._last - self._timeout
         if overdue <= 0:
             return now if self.commands_lost else self._last + self._timeout
         return NEVER if self.commands_lost and self._share == 0.0 else now
+
+    @property
+    def _carried(self) -> bool:
+        """Whether samples have to come for a mount that moves, and nothing else says when."""
+        motion = self.given.motion
+        moves = isinstance(motion, MountMotion) and motion.velocity != 0.0
+        return moves and self.active and not self._timeout
 
     def activate(self, active: bool) -> None:
         """Let commands act from now on, starting with the initial ones, or let none act."""
@@ -90,7 +104,10 @@ class Control:
         if self.active and overdue > 0:
             share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
         self._share = share
-        if given.motion and mount:
+        held = self._carried and simulation.time - self._last >= HOLD
+        if held and mount:
+            self._put(MountMotion(mount.position))
+        elif given.motion and mount:
             self._put(given.motion.left(share, mount.position))
         else:
             self._put(WeightOnBit(given.weight_on_bit.force * share))
@@ -99,5 +116,5 @@ class Control:
         elif simulation.applied.drive.enabled:
             self._put(dataclasses.replace(given.drive, enabled=False))
         before = self.commands_lost
-        self.commands_lost = self.active and overdue > 0
+        self.commands_lost = held or (self.active and overdue > 0)
         return self.commands_lost is not before

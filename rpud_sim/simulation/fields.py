@@ -103,7 +103,10 @@ _PROCESS_JOINTS = (
 # Fields of topics of the slow processes: attributes of the part of the state of the same name.
 _PROCESS_FIELDS: Mapping[str, tuple[str, ...]] = {
     "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
-    "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
+    "mount": (
+        *("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
+        *("stiffness", "damping"),
+    ),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
         *("bit_wear", "side_offset"),

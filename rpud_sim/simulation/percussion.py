@@ -141,10 +141,14 @@ class LoadSpring:
             self._left = _work(spring_rate, position, 0.0, after) - self._preload(position)
         self._damper -= 2.0 * self._damping_force * (position - self._start)
         self._motion_work += self._motion_force * (position - self._start)
+        self._damper += advance.dragged
+        self._start = position
+        self.lead(advance)
+
+    def lead(self, advance: Advance) -> None:
+        """Take the forces of the step that begins."""
         self._damping_force = advance.damping_force
         self._motion_force = advance.damping_force + advance.lead_force
-        self._damper += advance.damping_force * advance.moved
-        self._start = position
 
     def shift(self, way: float, work: float) -> None:
         """Count positions from an origin that is further ahead, by work on the springs [J]."""

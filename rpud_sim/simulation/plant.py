@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rpud_sim.drilling.borehole import Borehole
-from rpud_sim.drilling.mount import Mount
+from rpud_sim.drilling.mount import Motion, Mount, MountMotion
 from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import Progress
 from rpud_sim.drilling.rotor import Rotor
@@ -144,6 +144,30 @@ class Plant:
         finished, struck = reached.T
         return finished + segments, struck + impacts
 
+    def check(self, motion: Motion) -> None:
+        if (mount := self.process.mount) is not None:
+            mount.check(motion)
+
+    def move(self, motion: Motion) -> None:
+        """Put a motion of the mount into force; a step of the mount ends and one begins here.
+
+        So what another simulator exchanges acts from its own instants on.
+        """
+        mount = self.process.mount
+        if mount is None:
+            return
+        if isinstance(motion, MountMotion) and self.process.end_step(self.time):
+            self._step_process()
+            self.next_step = min(self.actuator.next_step, self.process.next_step)
+        mount.set_motion(motion)
+        self._look_ahead(mount)
+
+    def _look_ahead(self, mount: Mount) -> None:
+        process, rate = self.process, self._pushing_rate()
+        mount.look_ahead(process.next_step, process.length, rate, self._drill.rpud_damping)
+        if self._load_spring is not None:
+            self._load_spring.lead(mount.advance)
+
     def change(self, effects: FaultEffects) -> None:
         """Put effects of faults into force at the present time; positions and velocities go on."""
         self._set_aside()
@@ -199,6 +223,7 @@ class Plant:
                 self._drill = self._derived()
             self._load_spring.step(mount.advance, self._pushing_rate(), position)
             self._passed = mount.advance.passed
+            self._look_ahead(mount)
             feed = self.feed_account(engine.open_segment) if self.time % SECOND == 0 else None
             if feed is not None:
                 self._check_coupling(feed.coupling, self._percussion.arrived)

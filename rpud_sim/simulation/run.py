@@ -380,7 +380,7 @@ class Run:
             command = command.acting(self.time)
         # Also where commands do not act now.
         after = command.after(applied.drive) if isinstance(command, Drive) else command
-        self._simulation.configuration.check(after)
+        self._simulation.check(after)
         if self._watches:
             self._control.apply(command)
         else:

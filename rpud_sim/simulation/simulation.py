@@ -166,6 +166,12 @@ class Simulation:
                 )
         return join_blocks([self.advance_to(end) for end in ends.tolist()])
 
+    def check(self, command: Command) -> None:
+        """Check that the drill can take a command now; of a drive, one that leaves nothing open."""
+        self.configuration.check(command)
+        if isinstance(command, Motion):
+            self._plant.check(command)
+
     def apply(self, command: Command) -> bool:
         """Put a command into force at the present time; return whether it changes anything.
 
@@ -181,8 +187,7 @@ class Simulation:
         if isinstance(acting, WeightOnBit):
             self._plant.weight_on_bit = acting.force
         elif isinstance(acting, Motion):
-            if (mount := self._plant.process.mount) is not None:
-                mount.motion = acting
+            self._plant.move(acting)
         else:
             self._plant.actuator.drive(acting)
         changed: dict[str, Any] = {kind: acting, f"{kind}_time": self.time}

@@ -26,6 +26,10 @@ from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
 COUPLING_SHARE = 0.05
+_SWINGS = (
+    "the mount swings: its velocity changes sign with each sample; exchange motion and "
+    "force more often, or take mount.stiffness and mount.damping implicitly"
+)
 LEAST_POWER = 0.1  # of both, so that a drill at rest is none [W]
 # Amplitude below which a driven vibration is stalled, as a share of that without load.
 STALLED_SHARE = 0.05
@@ -118,6 +122,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
     dropped, faults = values["messages_dropped"], values["active_faults"]
     forgotten = values["journal_dropped"]
     lost = values["coupling_power"]
+    mount = run.simulation.process.mount
     flow = max(abs(values["actuator_power"]), abs(values["feed_power"]), LEAST_POWER)
     rules = (
         ("timing", _ERROR, lag > LAG_ERROR, f"simulation time lags {lag:.3f} s behind"),
@@ -138,6 +143,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
             f"steps of the arm lose {lost:.3g} W, more than {COUPLING_SHARE:.0%} of {flow:.3g} W: "
             "the arm is too soft or too lightly damped for them",
         ),
+        ("drill", _WARN, mount is not None and mount.swings, _SWINGS),
         ("drill", _WARN, faults, f"{faults} faults injected"),
         ("drill", _WARN, run.simulation.at_tool_length, NO_DEEPER),
         ("drill", _OK, True, values["state"]),

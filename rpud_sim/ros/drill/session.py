@@ -201,6 +201,8 @@ class Session:
         if taken or self.run.time >= self.run.next_action_time:
             self.run.watch()
         lost, self._lost = self._lost, self.run.commands_lost
+        if self._lost and not lost:
+            self._logger.warning("commands are lost: the drill is put into the safe state")
         if taken or lost is not self._lost or self.reporter.refused_more():
             self._unreported = True
             if not self.timeline.standing:
