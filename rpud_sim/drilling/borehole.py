@@ -216,9 +216,9 @@ class RecentDrilling:
         return self._change_of(self._depths) / time if time > 0.0 else 0.0
 
     def specific_energy(self, area: float) -> float:
-        """Return energy over volume [J/m^3], after Teale (1965); NaN if there was no progress."""
-        deeper = self._change_of(self._depths)
-        return self._change_of(self._energies) / (area * deeper) if deeper > 0.0 else math.nan
+        """Return energy over volume [J/m^3], after Teale (1965); NaN without either of them."""
+        deeper, energy = self._change_of(self._depths), self._change_of(self._energies)
+        return energy / (area * deeper) if deeper > 0.0 and energy > 0.0 else math.nan
 
 
 # Torque over radius and axial force of a screw, at most: a screw of 88.8 degrees.
@@ -328,7 +328,9 @@ class Borehole:
             self._cuttings.step(produced, angle, impacts, self._tip, disturbances.clearing)
         self._wear(rotation.friction, layer)
         deeper = self._depth - start
-        self._energy += force * deeper + math.fsum(energies) + rotation.resisted
+        # A squeezed mass gives energy back: that is none that tool and rock absorb.
+        absorbed = math.fsum(energy for energy in energies if energy > 0.0)
+        self._energy += force * deeper + absorbed + rotation.resisted
         self._recent.add(interval, self._depth, self._energy)
         self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
 

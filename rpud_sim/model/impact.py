@@ -10,7 +10,7 @@ from rpud_sim.model.closed_form import NO_SWING, TWO_PI, decaying_amplitude, swi
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.elementary import arc_tangent
-from rpud_sim.model.energy import drill_tool_damper_loss
+from rpud_sim.model.integrals import drill_tool_damper_loss
 from rpud_sim.model.search import force_of_swing, force_on_drill_tool
 from rpud_sim.model.segment import (
     CONTACT_BOTH,

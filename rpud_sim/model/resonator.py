@@ -33,7 +33,7 @@ from rpud_sim.model.elementary import (
     hypotenuse,
     sin_cos_cycles,
 )
-from rpud_sim.model.energy import exponential_integral, force_parts, held_motion
+from rpud_sim.model.integrals import exponential_integral, force_parts, held_motion
 from rpud_sim.model.segment import CONTACT_ACTUATOR
 from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
