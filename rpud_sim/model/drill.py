@@ -95,6 +95,10 @@ STATE = record_type(
         *floats("envelope_real", "envelope_imag"),
         *floats("envelope_age"),  # time since the envelope was written
         *floats("update_due"),  # time until the next update is due
+        ("yields", np.uint8),  # one of the YIELDS_* of yielding.py in the open segment
+        *floats("drive_force", "loss_force"),  # on it there [N]
+        ("fine", np.uint8),  # whether drive and losses act in small steps, see resonator.py
+        *floats("given"),  # impulse on the free mass by such a step at the last event [N s]
         *floats("drawn", "heat", "work", "pending"),
     ]
 )

@@ -13,16 +13,15 @@ from rpud_sim.model.compile import compiled
 from rpud_sim.model.integrals import (
     damper_loss,
     drill_tool_damper_loss,
-    exponential_integral,
-    force_parts,
     growth_over,
     held_motion,
-    product_integral,
     square_integral,
+    vibration_work,
     way_of,
 )
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
+    CONTACT_BOTH,
     CONTACT_DRILL_TOOL,
     EVENT_COMMAND,
     EVENT_RELEASE,
@@ -63,35 +62,20 @@ class RpudConstants(NamedTuple):
 
 
 @compiled
-def actuator_work(segment, held, duration):
-    """Work of the vibration on the free mass that the tip holds [J].
-
-    The integral of N v_hv, N the force of the tip; the nodal plane's work stays among the bodies.
-    """
-    constant, slow, fast = force_parts(segment, held)
-    omega = held.omega
-    velocity = abs(omega.imag) * segment.vibration_amplitude * held.turn
-    return (
-        constant * (velocity * exponential_integral(omega, duration)).real
-        + product_integral(slow, held.rate, velocity, omega, duration)
-        + product_integral(fast, omega, velocity, omega, duration)
-    )
-
-
-@compiled
 def held_travels(segment, held, duration):
     """Ways of nodal plane and held free mass [m], and the loss of the load spring's damping [J].
 
     Differences of positions would lose the digits that the deflection of a soft spring takes.
     """
-    decaying, rate, steady, _, turn, omega = held
+    decaying, way, rate, steady, _, turn, omega = held
     swing = growth_over(omega, duration)
     nodal_plane = (decaying * growth_over(rate, duration)).real + (steady * swing).real
     vibration = complex(0.0, -segment.vibration_amplitude) * turn
     loss = segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, duration
     )
-    return nodal_plane, nodal_plane + (vibration * swing).real, loss
+    tip = (way * growth_over(rate, duration)).real + (vibration * swing).real
+    return nodal_plane, nodal_plane + tip, loss
 
 
 @compiled
@@ -131,7 +115,7 @@ def add_motion(rpud, segment, start, end, begun, ended, account):
     if segment.contact & CONTACT_ACTUATOR:
         held, duration = held_motion(segment, start), end - start
         nodal_plane, free_mass, loss = held_travels(segment, held, duration)
-        account[ACTUATOR_WORK] += actuator_work(segment, held, duration)
+        account[ACTUATOR_WORK] += vibration_work(segment, held, duration)
     else:
         nodal_plane, free_mass, loss = free_travels(segment, start, end, begun, ended)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
@@ -218,6 +202,22 @@ def add_rest(segment, after, ended, account):
 
 
 @compiled
+def inverse_mass(rpud, segment):
+    """1 / M of the vibration at the tip [1/kg]; zero if blows leave it."""
+    if rpud.tip_compliance == 0.0:
+        return 0.0
+    omega = TWO_PI * segment.vibration_frequency
+    # It yields where it holds bodies: the frequency is that of all masses on all springs.
+    stiffness, mass = 1.0 / rpud.tip_compliance, 0.0
+    if segment.contact & CONTACT_ACTUATOR:
+        mass += segment.free_mass
+    if segment.contact == CONTACT_BOTH:
+        stiffness += segment.drill_tool_spring_rate
+        mass += segment.drill_tool_mass
+    return 1.0 / (stiffness / (omega * omega) - mass)
+
+
+@compiled
 def add_event(rpud, before, after, segment, account):
     """Add the collisions and the release at the event that begins a segment, given the motions."""
     _, np_before, _, _, _, fm_before, u_before, dt_before = before
@@ -227,8 +227,7 @@ def add_event(rpud, before, after, segment, account):
     vibration = ut_after - np_after
     vibration_before = vibration
     if segment.vibration_amplitude > 0.0:
-        omega = TWO_PI * segment.vibration_frequency
-        vibration_before += from_tip * omega * omega * rpud.tip_compliance
+        vibration_before += from_tip * inverse_mass(rpud, segment)
     if rests(segment):
         # The rock has taken what motion and strain the impact left to the drill tool.
         on_tool = from_tip - segment.free_mass * (fm_after - fm_before)

@@ -6,7 +6,13 @@ the actuator strikes a jammed free mass, and when the rock is left.
 
 import math
 
-from rpud_sim.model.closed_form import NO_SWING, TWO_PI, decaying_amplitude, swinging_part
+from rpud_sim.model.closed_form import (
+    NO_SWING,
+    TWO_PI,
+    decaying_amplitude,
+    swinging_part,
+    swung_integral,
+)
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.elementary import arc_tangent
@@ -107,6 +113,9 @@ def follow_impact(segment, impact, time, turns):
         vibration = segment.vibration_amplitude * (turn.cosine - turns.vibration.cosine)
         omega = TWO_PI * segment.vibration_frequency
         integral = nodal_plane_integral(segment, time, turn, turns) + vibration / omega
+        way = drill_tool_motion(segment)
+        if way.angular_frequency != 0.0:
+            integral += way.offset * time + swung_integral(way, turns.drill_tool)
         impact.impulse += (
             mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)

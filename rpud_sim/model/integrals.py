@@ -19,6 +19,7 @@ from rpud_sim.model.segment import (
     drill_tool_motion,
     load_of,
     nodal_plane_motion,
+    slow_tip_motion,
     vibration_turn,
 )
 
@@ -94,6 +95,7 @@ class HeldMotion(NamedTuple):
     """Motion of a tip that holds the free mass, from a time on, in complex parts."""
 
     decaying: complex  # amplitude of the nodal plane's decaying part [m]
+    way: complex  # what the yielding vibration adds to it at the tip [m]
     rate: complex  # at which it decays [1/s]
     steady: complex  # amplitude of the nodal plane's steady vibration [m]
     tip: complex  # that of the tip's [m]
@@ -106,14 +108,19 @@ def held_motion(segment, start):
     motion = nodal_plane_motion(segment)
     rate = complex(-motion.decay_rate, motion.angular_frequency)
     decaying = complex(motion.cosine, -motion.sine)
+    way = complex(0.0, 0.0)
+    if segment.contact == CONTACT_BOTH:
+        way = complex(segment.drill_tool_cosine, -segment.drill_tool_sine)
     if start > 0.0:
-        decaying *= complex_exponential(rate * start)
+        decay = complex_exponential(rate * start)
+        decaying *= decay
+        way *= decay
     sine, cosine = vibration_turn(segment, start)
     turn = complex(cosine, sine)
     steady = complex(motion.vibration_cosine, -motion.vibration_sine) * turn
     omega = complex(0.0, TWO_PI * segment.vibration_frequency)
     tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
-    return HeldMotion(decaying, rate, steady, tip, turn, omega)
+    return HeldMotion(decaying, way, rate, steady, tip, turn, omega)
 
 
 @compiled
@@ -129,7 +136,7 @@ def drill_tool_damper_loss(segment, start, end, begun, ended):
         return 0.0
     held = held_motion(segment, start)
     return damping * square_integral(
-        held.rate * held.decaying, held.rate, held.omega * held.tip, held.omega, end - start
+        held.rate * (held.decaying + held.way), held.rate, held.omega * held.tip, held.omega, end - start
     )
 
 
@@ -138,7 +145,31 @@ def force_parts(segment, held):
     """Force of the tip on what it holds [N]: constant, and amplitudes of decay and vibration."""
     rate, omega = held.rate, held.omega
     mass, damping, spring_rate, force = load_of(segment, True)
-    constant = spring_rate * segment.nodal_plane_offset - force
-    slow = (mass * rate * rate + damping * rate + spring_rate) * held.decaying
+    constant = spring_rate * slow_tip_motion(segment).offset - force
+    slow = (mass * rate * rate + damping * rate + spring_rate) * (held.decaying + held.way)
     fast = (mass * omega * omega + damping * omega + spring_rate) * held.tip
     return constant, slow, fast
+
+
+@compiled
+def vibration_work(segment, held, duration):
+    """Work of the vibration on the free mass that the tip holds [J].
+
+    The integral of N v_hv, N the force of the tip; the nodal plane's work stays among the bodies.
+    """
+    constant, slow, fast = force_parts(segment, held)
+    rate, omega = held.rate, held.omega
+    velocity = abs(omega.imag) * segment.vibration_amplitude * held.turn
+    work = (
+        constant * (velocity * exponential_integral(omega, duration)).real
+        + product_integral(slow, rate, velocity, omega, duration)
+        + product_integral(fast, omega, velocity, omega, duration)
+    )
+    if held.way != 0.0:
+        velocity = rate * held.way
+        work += (
+            constant * (velocity * exponential_integral(rate, duration)).real
+            + product_integral(slow, rate, velocity, rate, duration)
+            + product_integral(fast, omega, velocity, rate, duration)
+        )
+    return work

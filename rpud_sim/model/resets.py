@@ -24,6 +24,7 @@ from rpud_sim.model.tolerances import (
     TOUCHING,
     WEAKEST_PULL,
 )
+from rpud_sim.model.yielding import carrying_frequency, yielding_acceleration, yields
 
 
 class Collisions(NamedTuple):
@@ -123,7 +124,10 @@ def exchange_momentum(drill, state, closed, turn):
 @compiled
 def tip_acceleration(drill, state, v_np, contact, turn):
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
-    omega = TWO_PI * state.frequency
+    frequency = state.frequency
+    if contact == CONTACT_ACTUATOR and state.resonant:
+        frequency = carrying_frequency(drill, state)
+    omega = TWO_PI * frequency
     mass = drill.rpud_mass
     force = state.weight_on_bit + drill.rpud_weight - mass * omega * omega * u_hv
     force -= drill.load_spring_rate * state.u_np + drill.rpud_damping * v_np
@@ -174,7 +178,10 @@ def hold_both(drill, state, u_ut, v_ut, v_hv, stay, turn):
     """
     pair = pair_velocity(drill, state)
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass + drill.tool_mass, pair)
-    acceleration = tip_acceleration(drill, state, together - v_hv, CONTACT_BOTH, turn)
+    if yields(state):
+        acceleration = yielding_acceleration(drill, state, turn, together - v_hv)
+    else:
+        acceleration = tip_acceleration(drill, state, together - v_hv, CONTACT_BOTH, turn)
     on_tool = (
         drill.tool_mass * acceleration
         + drill.tool_damping * together

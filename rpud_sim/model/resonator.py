@@ -33,9 +33,19 @@ from rpud_sim.model.elementary import (
     hypotenuse,
     sin_cos_cycles,
 )
-from rpud_sim.model.integrals import exponential_integral, force_parts, held_motion
-from rpud_sim.model.segment import CONTACT_ACTUATOR
-from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
+from rpud_sim.model.integrals import (
+    exponential_integral,
+    held_motion,
+    vibration_work,
+)
+from rpud_sim.model.segment import CONTACT_ACTUATOR, tip_motion, turns_at
+from rpud_sim.model.yielding import (
+    YIELDS_TO_MASS,
+    YIELDS_TO_ROCK,
+    impulses_on,
+    stiffness_of,
+)
+from rpud_sim.model.tolerances import FINE, LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
 
 class Resonance(NamedTuple):
@@ -121,7 +131,23 @@ def envelope_after(state, time):
 def account(state, segment, time):
     """``ResonatorEnergy`` at a time since the start of the open segment [s]; changes nothing."""
     envelope, drawn, heat = envelope_after(state, time)
-    _, work = contact_load(segment, time)
+    work = 0.0
+    pending = state.pending
+    if state.yields or state.fine:
+        amplitude, phase, way, work = yielded(state, segment, time, turns_at(segment, time))
+        turned = state.drive_phase + state.drive_frequency * time
+        after = envelope_of(state, amplitude, phase, turned)
+        if follows(state):
+            before, drawn, heat = brought(state)
+            if state.yields == YIELDS_TO_ROCK:
+                drawn += state.drive_force * way
+                heat -= state.loss_force * way
+            pending += heat - drawn - stored_energy(state, before)
+            envelope = after
+        else:
+            envelope += after - alone_after(state, time)
+            pending -= stored_energy(state, envelope_after(state, time)[0])
+        pending += work + stored_energy(state, envelope)
     drawn += state.drawn
     work += state.work
     advanced = max(work - drawn, 0.0)
@@ -131,7 +157,7 @@ def account(state, segment, time):
         state.heat + heat,
         work,
         stored_energy(state, envelope),
-        state.pending + work - state.work - advanced,
+        pending - advanced,
     )
 
 
@@ -213,27 +239,6 @@ def hold(drill, state, v_np, blow_impulse):
 
 
 @compiled
-def contact_load(segment, time):
-    """Load of a lasting contact over the first part of the open segment: impulse and work.
-
-    The integral of the tip's force on the free mass times exp(j 2 pi phase) [N s], and the work of
-    the vibration on the bodies [J].
-    """
-    if not segment.contact & CONTACT_ACTUATOR or segment.vibration_amplitude == 0.0:
-        return complex(0.0, 0.0), 0.0
-    held = held_motion(segment, 0.0)
-    rate, omega = held.rate, held.omega
-    constant, slow, fast = force_parts(segment, held)
-    integral = 0.5 * slow * exponential_integral(rate + omega, time)
-    integral += 0.5 * slow.conjugate() * exponential_integral(rate.conjugate() + omega, time)
-    integral += 0.5 * fast * exponential_integral(2.0 * omega, time)
-    integral += 0.5 * fast.conjugate() * time
-    integral += constant * exponential_integral(omega, time)
-    integral *= held.turn
-    return integral, omega.imag * segment.vibration_amplitude * integral.real
-
-
-@compiled
 def move_resonance(state, time):
     """Move the resonance to a time after the start of its segment."""
     state.envelope_age += time
@@ -242,14 +247,129 @@ def move_resonance(state, time):
 
 
 @compiled
-def load_by_contact(state, segment, time):
-    """Move the resonance to a time, and let the contact of the segment till then load it."""
-    integral, work = contact_load(segment, time)
+def follows(state):
+    """Whether the envelope follows the vibration in the open segment, not the other way round."""
+    return state.fine or state.yields == YIELDS_TO_ROCK
+
+
+@compiled
+def brought(state):
+    """Envelope that the segment began with [V], and energies drawn and heated till then [J]."""
+    _, drawn, heat = envelope_after(state, 0.0)
+    return complex(state.envelope_real, state.envelope_imag), drawn, heat
+
+
+@compiled
+def envelope_of(state, amplitude, phase, drive_phase):
+    """Envelope of a vibration [V], given the phase of the drive at its time [cycles]."""
+    sine, cosine = sin_cos_cycles(phase - drive_phase)
+    return amplitude / state.amplitude_per_volt * complex(cosine, sine)
+
+
+@compiled
+def alone_after(state, time):
+    """Envelope that the vibration at the start of a segment would have after a time [V]."""
+    return envelope_of(
+        state,
+        state.amplitude,
+        state.phase + state.frequency * time,
+        state.drive_phase + state.drive_frequency * time,
+    )
+
+
+@compiled
+def yielded(state, segment, time, turns):
+    """Vibration after a part of a segment: amplitude, phase, way [m] and work on bodies [J]."""
+    u_np, v_np, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
+    u_hv, v_hv = u_ut - u_np, (v_ut - v_np) / (TWO_PI * state.frequency)
+    begun, _ = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
+    phase = arc_tangent(u_hv, v_hv) / TWO_PI
+    work = 0.0
+    if segment.contact & CONTACT_ACTUATOR:
+        work = vibration_work(segment, held_motion(segment, 0.0), time)
+    return hypotenuse(u_hv, v_hv), phase - math.floor(phase), u_hv - begun, work
+
+
+@compiled
+def drive_on(drill, state, time, way):
+    """Let drive and losses of the time before this instant act on the vibration.
+
+    They act as one impulse, which the tip shares with a free mass that it carries. Returns the
+    energies drawn, heated and given to the bodies [J].
+    """
+    omega = TWO_PI * state.frequency
+    per_mass = omega * omega / stiffness_of(state)
+    drive, loss = impulses_on(state, time, way)
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
+    given = 0.0
+    if state.yields == YIELDS_TO_MASS:
+        whole = 1.0 / drill.free_mass + 1.0 / drill.rpud_mass + per_mass
+        given = (drive + loss) * per_mass / whole
+        state.v_np -= given / drill.rpud_mass
+        state.v_fm += given / drill.free_mass
+    after = v_hv + (drive + loss - given) * per_mass
+    mean = 0.5 * (v_hv + after)
+    phase = arc_tangent(u_hv, after / omega) / TWO_PI
+    state.amplitude = hypotenuse(u_hv, after / omega)
+    state.phase = phase - math.floor(phase)
+    state.given = given
+    return drive * mean, -loss * mean, given * (after + 0.5 * given * per_mass)
+
+
+@compiled
+def end_vibration(drill, state, segment, time, turns):
+    """Move resonance and vibration to a time in the open segment, where it ends."""
+    state.given = 0.0
+    if not (state.yields or state.fine):
+        state.phase = advance_phase(state.phase, state.frequency, time)
+        move_resonance(state, time)
+        return
+    amplitude, phase, way, work = yielded(state, segment, time, turns)
+    if not follows(state):
+        # What the free mass changes of the vibration loads the envelope as a blow does.
+        alone = alone_after(state, time)
+        move_resonance(state, time)
+        before = bring_envelope(state)
+        change = envelope_of(state, amplitude, phase, state.drive_phase) - alone
+        replace_envelope(state, before, before + change)
+        state.work += work
+        state.pending += work
+        state.amplitude, state.phase = amplitude, phase
+        if state.steady:
+            state.steady = 0
+            state.update_due = update_interval(state, state.drive_frequency)
+        return
+    before, drawn, heat = brought(state)
+    state.amplitude, state.phase = amplitude, phase
+    if state.yields == YIELDS_TO_ROCK:
+        drawn += state.drive_force * way
+        heat -= state.loss_force * way
+    else:
+        drive, loss, given = drive_on(drill, state, time, way)
+        drawn += drive
+        heat += loss
+        work += given
     move_resonance(state, time)
-    if work != 0.0 or integral != 0.0:
-        sine, cosine = sin_cos_cycles(state.phase)
-        turn = complex(cosine, sine)
-        load(state, integral.conjugate() * turn * drive_turn(state), work)
+    envelope = envelope_of(state, state.amplitude, state.phase, state.drive_phase)
+    set_envelope(state, envelope)
+    state.drawn += drawn
+    state.heat += heat
+    state.work += work
+    state.pending += work + heat - drawn
+    state.pending += stored_energy(state, envelope) - stored_energy(state, before)
+    state.steady = 0
+    state.update_due = 0.0
+    state.fine = is_fine(state, 2.0 if state.fine else 1.0)
+    if state.voltage == 0.0 and state.amplitude <= LOWEST_BOUNCE:
+        replace_envelope(state, envelope, complex(0.0, 0.0))
+        state.amplitude = 0.0
+
+
+@compiled
+def is_fine(state, factor):
+    """Whether the vibration is so small that half a cycle of the drive changes much of it."""
+    rise = state.amplitude_per_volt * state.voltage / (2.0 * state.drive_frequency)
+    return state.amplitude * state.decay_time < factor * FINE * rise
 
 
 @compiled
@@ -309,6 +429,7 @@ def begin_resonance(state):
     state.frequency = state.drive_frequency
     state.steady = 1 if state.voltage == 0.0 else 0
     plan(state)
+    state.fine = is_fine(state, 1.0)
 
 
 @compiled
@@ -328,6 +449,7 @@ def change_drive(state, voltage, drive_frequency, resonance_frequency):
     state.update_due = 0.0
     if state.amplitude == 0.0:
         plan(state)
+    state.fine = is_fine(state, 1.0)
 
 
 @compiled
@@ -359,12 +481,13 @@ def update(state):
     if steady:
         state.steady = 1
         state.frequency = state.drive_frequency
-    else:
-        plan(state)
+        return
+    plan(state)
+    state.fine = is_fine(state, 1.0)
 
 
 @compiled
-def time_to_update(state):
-    """Time until the next zero of the vibration at which an update is due [s]."""
-    half_cycles = 2.0 * (state.phase + state.frequency * max(state.update_due, 0.0))
-    return (0.5 * math.floor(half_cycles) + 0.5 - state.phase) / state.frequency
+def time_to_update(due, phase, frequency):
+    """Time until the next zero of the vibration at which an update that is due comes [s]."""
+    half_cycles = 2.0 * (phase + frequency * max(due, 0.0))
+    return (0.5 * math.floor(half_cycles) + 0.5 - phase) / frequency
