@@ -91,7 +91,7 @@ STATE = record_type(
         ("resonant", np.uint8),
         ("steady", np.uint8),  # no update until a contact or a command
         *floats("decay_time", "resistance", "amplitude_per_volt", "voltage"),
-        *floats("drive_frequency", "drive_phase", "resonance_frequency"),
+        *floats("drive_frequency", "drive_phase", "resonance_frequency", "modal_mass"),
         *floats("envelope_real", "envelope_imag"),
         *floats("envelope_age"),  # time since the envelope was written
         *floats("update_due"),  # time until the next update is due

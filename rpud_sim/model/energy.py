@@ -21,7 +21,6 @@ from rpud_sim.model.integrals import (
 )
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
-    CONTACT_BOTH,
     CONTACT_DRILL_TOOL,
     EVENT_COMMAND,
     EVENT_RELEASE,
@@ -58,7 +57,7 @@ class RpudConstants(NamedTuple):
 
     mass: float  # m_ud [kg]
     gravity_acts: bool  # on the RPUD, not on the free mass alone
-    tip_compliance: float  # of the vibration, unless at rest [m/N]; zero if blows leave it
+    per_modal_mass: float  # 1 / M of the vibration, unless at rest [1/kg]; zero if blows leave it
 
 
 @compiled
@@ -202,22 +201,6 @@ def add_rest(segment, after, ended, account):
 
 
 @compiled
-def inverse_mass(rpud, segment):
-    """1 / M of the vibration at the tip [1/kg]; zero if blows leave it."""
-    if rpud.tip_compliance == 0.0:
-        return 0.0
-    omega = TWO_PI * segment.vibration_frequency
-    # It yields where it holds bodies: the frequency is that of all masses on all springs.
-    stiffness, mass = 1.0 / rpud.tip_compliance, 0.0
-    if segment.contact & CONTACT_ACTUATOR:
-        mass += segment.free_mass
-    if segment.contact == CONTACT_BOTH:
-        stiffness += segment.drill_tool_spring_rate
-        mass += segment.drill_tool_mass
-    return 1.0 / (stiffness / (omega * omega) - mass)
-
-
-@compiled
 def add_event(rpud, before, after, segment, account):
     """Add the collisions and the release at the event that begins a segment, given the motions."""
     _, np_before, _, _, _, fm_before, u_before, dt_before = before
@@ -227,7 +210,7 @@ def add_event(rpud, before, after, segment, account):
     vibration = ut_after - np_after
     vibration_before = vibration
     if segment.vibration_amplitude > 0.0:
-        vibration_before += from_tip * inverse_mass(rpud, segment)
+        vibration_before += from_tip * rpud.per_modal_mass
     if rests(segment):
         # The rock has taken what motion and strain the impact left to the drill tool.
         on_tool = from_tip - segment.free_mass * (fm_after - fm_before)

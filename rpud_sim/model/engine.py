@@ -66,6 +66,7 @@ def initial_state(
         state["drive_phase"] = state["phase"]
         for name, value in zip(_OF_RESONANCE, resonance, strict=True):
             state[name] = value
+        state["modal_mass"] = resonance.mass
     return state
 
 

@@ -43,7 +43,6 @@ from rpud_sim.model.yielding import (
     YIELDS_TO_MASS,
     YIELDS_TO_ROCK,
     impulses_on,
-    stiffness_of,
 )
 from rpud_sim.model.tolerances import FINE, LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
@@ -59,10 +58,10 @@ class Resonance(NamedTuple):
     frequency: float  # f_r [Hz]
 
     @property
-    def compliance(self) -> float:
-        """1 / (M Omega^2): displacement of the vibration by a static force at the tip [m/N]."""
-        scale = self.amplitude_per_volt
-        return 2.0 * self.resistance * scale * scale / self.decay_time
+    def mass(self) -> float:
+        """M of the vibration at the tip [kg]."""
+        rate = TWO_PI * self.frequency * self.amplitude_per_volt
+        return 0.5 * self.decay_time / (self.resistance * rate * rate)
 
 
 class ResonatorEnergy(NamedTuple):
@@ -84,14 +83,11 @@ def stored_energy(state, envelope):
 
 
 @compiled
-def compliance(state):
-    """1 / (M Omega^2): compliance of the vibration [m/N]; zero if it is prescribed or at rest."""
+def per_mass(state):
+    """1 / M of the vibration [1/kg]; zero if it is prescribed or at rest."""
     # Blows that set a resting vibration going would let it pump: at a small amplitude a contact
     # gives and takes more in half a cycle than is stored.
-    if not state.resonant or state.amplitude == 0.0:
-        return 0.0
-    scale = state.amplitude_per_volt
-    return 2.0 * state.resistance * scale * scale / state.decay_time
+    return 1.0 / state.modal_mass if state.resonant and state.amplitude > 0.0 else 0.0
 
 
 @compiled
@@ -99,8 +95,7 @@ def tip_mass(drill, state):
     """Mass with which the tip takes part in a blow [kg]: RPUD and vibration yield both."""
     if not state.resonant:
         return drill.rpud_mass
-    omega = TWO_PI * state.frequency
-    return 1.0 / (1.0 / drill.rpud_mass + compliance(state) * omega * omega)
+    return 1.0 / (1.0 / drill.rpud_mass + per_mass(state))
 
 
 @compiled
@@ -191,8 +186,8 @@ def load(state, impulse, work):
     The impulse is the integral of the force on the free mass, turned by the drive's phase [N s].
     """
     before = bring_envelope(state)
-    omega = TWO_PI * state.frequency
-    share = 2.0 * omega * state.resistance * state.amplitude_per_volt / state.decay_time
+    omega = TWO_PI * state.resonance_frequency
+    share = 1.0 / (state.modal_mass * omega * state.amplitude_per_volt)
     replace_envelope(state, before, before - share * impulse)
     state.work += work
     state.pending += work
@@ -216,7 +211,7 @@ def blow(drill, state, impulse):
     """
     omega = TWO_PI * state.frequency
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
-    after = v_hv - impulse * omega * omega * compliance(state)
+    after = v_hv - impulse * per_mass(state)
     state.v_np -= impulse / drill.rpud_mass
     load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
     if after != v_hv:
@@ -232,9 +227,8 @@ def hold(drill, state, v_np, blow_impulse):
     The vibration keeps its velocity.
     """
     impulse = drill.rpud_mass * (v_np - state.v_np)
-    omega = TWO_PI * state.frequency
     _, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
-    mean = v_hv + omega * omega * compliance(state) * (blow_impulse + 0.5 * impulse)
+    mean = v_hv + per_mass(state) * (blow_impulse + 0.5 * impulse)
     load(state, impulse * drive_turn(state), impulse * mean)
 
 
@@ -279,9 +273,13 @@ def alone_after(state, time):
 
 @compiled
 def yielded(state, segment, time, turns):
-    """Vibration after a part of a segment: amplitude, phase, way [m] and work on bodies [J]."""
+    """Vibration after a part of a segment: amplitude, phase, way [m] and work on bodies [J].
+
+    An envelope that follows it is that of the resonance frequency.
+    """
     u_np, v_np, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
-    u_hv, v_hv = u_ut - u_np, (v_ut - v_np) / (TWO_PI * state.frequency)
+    frequency = state.resonance_frequency if follows(state) else state.frequency
+    u_hv, v_hv = u_ut - u_np, (v_ut - v_np) / (TWO_PI * frequency)
     begun, _ = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     phase = arc_tangent(u_hv, v_hv) / TWO_PI
     work = 0.0
@@ -298,22 +296,22 @@ def drive_on(drill, state, time, way):
     energies drawn, heated and given to the bodies [J].
     """
     omega = TWO_PI * state.frequency
-    per_mass = omega * omega / stiffness_of(state)
+    lightness = 1.0 / state.modal_mass
     drive, loss = impulses_on(state, time, way)
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     given = 0.0
     if state.yields == YIELDS_TO_MASS:
-        whole = 1.0 / drill.free_mass + 1.0 / drill.rpud_mass + per_mass
-        given = (drive + loss) * per_mass / whole
+        whole = 1.0 / drill.free_mass + 1.0 / drill.rpud_mass + lightness
+        given = (drive + loss) * lightness / whole
         state.v_np -= given / drill.rpud_mass
         state.v_fm += given / drill.free_mass
-    after = v_hv + (drive + loss - given) * per_mass
+    after = v_hv + (drive + loss - given) * lightness
     mean = 0.5 * (v_hv + after)
     phase = arc_tangent(u_hv, after / omega) / TWO_PI
     state.amplitude = hypotenuse(u_hv, after / omega)
     state.phase = phase - math.floor(phase)
     state.given = given
-    return drive * mean, -loss * mean, given * (after + 0.5 * given * per_mass)
+    return drive * mean, -loss * mean, given * (after + 0.5 * given * lightness)
 
 
 @compiled
@@ -341,6 +339,7 @@ def end_vibration(drill, state, segment, time, turns):
         return
     before, drawn, heat = brought(state)
     state.amplitude, state.phase = amplitude, phase
+    state.frequency = state.resonance_frequency
     if state.yields == YIELDS_TO_ROCK:
         drawn += state.drive_force * way
         heat -= state.loss_force * way

@@ -57,28 +57,28 @@ def stiffness_of(state):
 
 
 @compiled
+def drive_force(state):
+    """Amplitude of the drive's force on the vibration [N]."""
+    velocity = TWO_PI * state.resonance_frequency * state.amplitude_per_volt * state.voltage
+    return 2.0 * state.modal_mass * velocity / state.decay_time
+
+
+@compiled
 def forces_on(state, velocity):
     """Mean forces of drive and losses on the vibration in the step to come [N]."""
-    omega = TWO_PI * state.frequency
-    stiffness = stiffness_of(state)
     begin, _ = sin_cos_cycles(state.drive_phase)
     end, _ = sin_cos_cycles(state.drive_phase + STEP)
     mean = (end - begin) / (TWO_PI * STEP)
-    drive = 2.0 * state.amplitude_per_volt * state.voltage * stiffness / (omega * state.decay_time)
-    loss = -2.0 * stiffness / (omega * omega * state.decay_time) * velocity
-    return drive * mean, loss
+    return drive_force(state) * mean, -2.0 * state.modal_mass / state.decay_time * velocity
 
 
 @compiled
 def impulses_on(state, time, way):
     """Impulses of drive and losses on the vibration in a time before this, over a way [m]."""
-    omega = TWO_PI * state.frequency
-    stiffness = stiffness_of(state)
     begin, _ = sin_cos_cycles(state.drive_phase)
     end, _ = sin_cos_cycles(state.drive_phase + state.drive_frequency * time)
-    drive = 2.0 * state.amplitude_per_volt * state.voltage * stiffness / (omega * state.decay_time)
-    loss = -2.0 * stiffness / (omega * omega * state.decay_time) * way
-    return drive * (end - begin) / (TWO_PI * state.drive_frequency), loss
+    drive = drive_force(state) * (end - begin) / (TWO_PI * state.drive_frequency)
+    return drive, -2.0 * state.modal_mass / state.decay_time * way
 
 
 @compiled
@@ -94,7 +94,7 @@ def yielding_motion(drill, state, turn, v_np):
     mass, damping = drill.free_mass + drill.tool_mass, drill.tool_damping
     spring_rate = drill.tool_spring_rate
     whole = stiffness + spring_rate
-    square = whole / (stiffness / (omega * omega) + mass)
+    square = whole / (state.modal_mass + mass)
     rate = math.sqrt(square)
     ratio = spring_rate / whole
     left = 1.0 - ratio
@@ -160,9 +160,7 @@ def yielding_acceleration(drill, state, turn, v_np):
 @compiled
 def carrying_frequency(drill, state):
     """Frequency of the vibration while the tip carries the free mass [Hz]."""
-    omega = TWO_PI * state.frequency
-    square = 1.0 + drill.free_mass * omega * omega / stiffness_of(state)
-    return state.frequency / math.sqrt(square)
+    return state.frequency / math.sqrt(1.0 + drill.free_mass / state.modal_mass)
 
 
 @compiled
