@@ -359,6 +359,8 @@ def end_vibration(drill, state, segment, time, turns):
     state.steady = 0
     state.update_due = 0.0
     state.fine = is_fine(state, 2.0 if state.fine else 1.0)
+    if not state.fine:
+        state.missing = 0.0
     if state.voltage == 0.0 and state.amplitude <= LOWEST_BOUNCE:
         replace_envelope(state, envelope, complex(0.0, 0.0))
         state.amplitude = 0.0

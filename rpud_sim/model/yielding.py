@@ -24,7 +24,7 @@ from rpud_sim.model.closed_form import (
     swinging_part,
 )
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos_cycles
+from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos, sin_cos_cycles
 
 # How the vibration is in a segment: it goes on, carries the free mass, or yields between tip and rock.
 YIELDS_NOT, YIELDS_TO_MASS, YIELDS_TO_ROCK = 0, 1, 2
@@ -74,11 +74,25 @@ def forces_on(state, velocity):
 
 @compiled
 def impulses_on(state, time, way):
-    """Impulses of drive and losses on the vibration in a time before this, over a way [m]."""
-    begin, _ = sin_cos_cycles(state.drive_phase)
-    end, _ = sin_cos_cycles(state.drive_phase + state.drive_frequency * time)
-    drive = drive_force(state) * (end - begin) / (TWO_PI * state.drive_frequency)
-    return drive, -2.0 * state.modal_mass / state.decay_time * way
+    """Impulses of drive and losses on the vibration in a time before this, over a way [m].
+
+    The drive moves the vibration, too. This displacement, which the tip cannot make at once, is
+    ``missing``, and turns with the vibration into impulses.
+    """
+    omega = TWO_PI * state.resonance_frequency
+    turned = state.drive_frequency * time
+    _, begin = sin_cos_cycles(state.drive_phase)
+    _, middle = sin_cos_cycles(state.drive_phase + 0.5 * turned)
+    _, end = sin_cos_cycles(state.drive_phase + turned)
+    half_sine, half_cosine = sin_cos(0.5 * omega * time)
+    sine = 2.0 * half_sine * half_cosine
+    cosine = 1.0 - 2.0 * half_sine * half_sine
+    share = drive_force(state) * time / 6.0  # by Simpson's rule
+    impulse = share * (begin * cosine + 4.0 * middle * half_cosine + end)
+    moved = share * (begin * sine + 4.0 * middle * half_sine) / (omega * state.modal_mass)
+    impulse -= state.modal_mass * omega * state.missing * sine
+    state.missing = state.missing * cosine + moved
+    return impulse, -2.0 * state.modal_mass / state.decay_time * way
 
 
 @compiled
