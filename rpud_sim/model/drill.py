@@ -99,6 +99,7 @@ STATE = record_type(
         *floats("drive_force", "loss_force"),  # on it there [N]
         ("fine", np.uint8),  # whether drive and losses act in small steps, see resonator.py
         *floats("missing"),  # displacement that they owe the vibration [m]
+        *floats("ahead"),  # impulse of the drive that acted ahead of its time [N s]
         *floats("given"),  # impulse on the free mass by such a step at the last event [N s]
         *floats("drawn", "heat", "work", "pending"),
     ]

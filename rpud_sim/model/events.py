@@ -100,6 +100,9 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
         resonator.hold(drill, state, alone, drill.rpud_mass * (v_np - alone) + state.given)
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state, turn)
+    if state.resonant and state.fine and closed & CONTACT_ACTUATOR & ~state.contact:
+        resonator.draw_back(state)
+        turn = turn_at(state.phase)
     if collisions.actuator_struck or abs(state.v_np - v_np) > tolerances.SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
     impacted = collisions.impact_velocity > tolerances.SLOWEST_IMPACT

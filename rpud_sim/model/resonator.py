@@ -40,8 +40,10 @@ from rpud_sim.model.integrals import (
 )
 from rpud_sim.model.segment import CONTACT_ACTUATOR, tip_motion, turns_at
 from rpud_sim.model.yielding import (
+    FREE_STEP,
     YIELDS_TO_MASS,
     YIELDS_TO_ROCK,
+    forces_on,
     impulses_on,
 )
 from rpud_sim.model.tolerances import FINE, LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
@@ -298,6 +300,8 @@ def drive_on(drill, state, time, way):
     omega = TWO_PI * state.frequency
     lightness = 1.0 / state.modal_mass
     drive, loss = impulses_on(state, time, way)
+    drive -= state.ahead
+    state.ahead = 0.0
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     given = 0.0
     if state.yields == YIELDS_TO_MASS:
@@ -364,6 +368,35 @@ def end_vibration(drill, state, segment, time, turns):
     if state.voltage == 0.0 and state.amplitude <= LOWEST_BOUNCE:
         replace_envelope(state, envelope, complex(0.0, 0.0))
         state.amplitude = 0.0
+
+
+# Share of the velocity by which a step draws the tip away, below which bodies part too slowly.
+NEARLY = 0.1
+
+
+@compiled
+def draw_back(state):
+    """Let a drive that draws the tip away from bodies that it touches act ahead of its time.
+
+    Else they would meet again and again until its step ends.
+    """
+    force, _ = forces_on(state, 0.0)
+    impulse = force * FREE_STEP / state.drive_frequency
+    omega = TWO_PI * state.frequency
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
+    after = v_hv + impulse / state.modal_mass
+    if not state.v_fm - state.v_np - v_hv < NEARLY * (v_hv - after):
+        return
+    phase = arc_tangent(u_hv, after / omega) / TWO_PI
+    state.amplitude = hypotenuse(u_hv, after / omega)
+    state.phase = phase - math.floor(phase)
+    state.ahead = impulse
+    drawn = impulse * 0.5 * (v_hv + after)
+    before = bring_envelope(state)
+    envelope = envelope_of(state, state.amplitude, state.phase, state.drive_phase)
+    replace_envelope(state, before, envelope)
+    state.drawn += drawn
+    state.pending -= drawn
 
 
 @compiled

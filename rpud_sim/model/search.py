@@ -37,7 +37,7 @@ from rpud_sim.model.segment import (
     vibration_turn,
 )
 from rpud_sim.model.strike import first_landing, first_strike
-from rpud_sim.model.yielding import STEP, YIELDS_TO_ROCK
+from rpud_sim.model.yielding import FREE_STEP, STEP, YIELDS_TO_ROCK
 
 # What ends a segment: a guard that reaches zero, a change of amplitude, or its greatest length.
 END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT = 0, 1
@@ -274,7 +274,8 @@ def next_event(drill, state, segment, turn):
     event = END_LIMIT
     change = math.inf
     if state.resonant and (state.fine or state.yields == YIELDS_TO_ROCK):
-        change = STEP / state.drive_frequency
+        step = STEP if state.yields == YIELDS_TO_ROCK else FREE_STEP
+        change = step / state.drive_frequency
     elif state.resonant and not state.steady:
         change = time_to_update(
             state.update_due, segment.vibration_phase, segment.vibration_frequency

@@ -29,8 +29,9 @@ from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos, sin_cos_
 # How the vibration is in a segment: it goes on, carries the free mass, or yields between tip and rock.
 YIELDS_NOT, YIELDS_TO_MASS, YIELDS_TO_ROCK = 0, 1, 2
 
-# Longest segment of it, in cycles of the drive.
+# Longest segment of it, and of a small vibration elsewhere, in cycles of the drive.
 STEP = 0.125
+FREE_STEP = 0.0625
 
 
 class Yielding(NamedTuple):
