@@ -101,7 +101,8 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state, turn)
     if state.resonant and state.fine and closed & CONTACT_ACTUATOR & ~state.contact:
-        resonator.draw_back(state)
+        given = drill.rpud_mass * (v_np - state.v_np) + state.given
+        resonator.draw_back(state, given)
         turn = turn_at(state.phase)
     if collisions.actuator_struck or abs(state.v_np - v_np) > tolerances.SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT

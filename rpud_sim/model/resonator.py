@@ -375,10 +375,11 @@ NEARLY = 0.1
 
 
 @compiled
-def draw_back(state):
+def draw_back(state, impulse_given):
     """Let a drive that draws the tip away from bodies that it touches act ahead of its time.
 
-    Else they would meet again and again until its step ends.
+    Else they would meet again and again until its step ends. The tip has given the bodies an
+    impulse at this instant [N s], whose work is that of the mean velocity.
     """
     force, _ = forces_on(state, 0.0)
     impulse = force * FREE_STEP / state.drive_frequency
@@ -391,12 +392,14 @@ def draw_back(state):
     state.amplitude = hypotenuse(u_hv, after / omega)
     state.phase = phase - math.floor(phase)
     state.ahead = impulse
-    drawn = impulse * 0.5 * (v_hv + after)
+    work = impulse_given * (after - v_hv)
+    drawn = impulse * 0.5 * (v_hv + after) + work
+    state.work += work
     before = bring_envelope(state)
     envelope = envelope_of(state, state.amplitude, state.phase, state.drive_phase)
     replace_envelope(state, before, envelope)
     state.drawn += drawn
-    state.pending -= drawn
+    state.pending += work - drawn
 
 
 @compiled
