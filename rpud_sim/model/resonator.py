@@ -405,6 +405,9 @@ def draw_back(state, impulse_given):
 @compiled
 def is_fine(state, factor):
     """Whether the vibration is so small that half a cycle of the drive changes much of it."""
+    detuned = abs(state.drive_frequency - state.resonance_frequency)
+    if detuned * 4.0 * FINE > state.resonance_frequency:
+        return False  # the drive hardly moves it
     rise = state.amplitude_per_volt * state.voltage / (2.0 * state.drive_frequency)
     return state.amplitude * state.decay_time < factor * FINE * rise
 

@@ -58,6 +58,9 @@ UPDATES_PER_DECAY = 40.0
 # half a cycle of the drive adds to it.
 FINE = 8.0
 
+# Such a step counts as this share of an event on the event budget.
+SHARE_OF_STEP = 0.1
+
 # Consecutive events within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
 # this limit it would never return.
 LONGEST_STANDSTILL = 10_000
