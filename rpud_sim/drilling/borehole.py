@@ -360,9 +360,7 @@ class Borehole:
         """Whether the tool is in rock into which it can get deeper."""
         return percussion.in_rock and not self._through and self._depth < self._deepest
 
-    def _cut(
-        self, layer: Layer, force: float, pulses: Pulses, disturbances: Disturbances
-    ) -> Cut:
+    def _cut(self, layer: Layer, force: float, pulses: Pulses, disturbances: Disturbances) -> Cut:
         """Return the cut in a layer, with the pull of rock in the flutes."""
         if disturbances.screw_torque:
             force += disturbances.screw_torque / (self._radius * self._screw_slope(layer))
@@ -404,7 +402,9 @@ class Borehole:
                 deeper = self._breaking_share * breaking
                 deeper /= layer.specific_energy * hardness * self._area
             if turned > 0.0:
-                deeper += self._cut(layer, force, pulses, disturbances).depth * turned / (2.0 * math.pi)
+                deeper += (
+                    self._cut(layer, force, pulses, disturbances).depth * turned / (2.0 * math.pi)
+                )
             layer_end = self._strata.end_of(self._layer)
             end = min(layer_end, self._deepest)
             if not self._depth + deeper * left >= end:

@@ -8,7 +8,6 @@ momentum. The integrals (``integrals.py``) are the engine's, too: tests compare 
 
 from typing import NamedTuple
 
-from rpud_sim.model.closed_form import TWO_PI
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.integrals import (
     damper_loss,

@@ -104,12 +104,8 @@ def _cleared(count: int, dtype: np.dtype[Any]) -> np.ndarray:
 
 
 # Bytes between the fields of a segment, which no kernel writes.
-_PADDING = np.setdiff1d(
-    np.arange(SEGMENT.itemsize),
-    np.concatenate([
-        np.arange(offset, offset + kind.itemsize) for kind, offset, *_ in SEGMENT.fields.values()
-    ]),
-)
+_OFFSETS: Any = SEGMENT.fields
+_PADDING = slice(_OFFSETS["event"][1] + 1, _OFFSETS["vibration_phase"][1])
 
 
 def _unpadded(count: int) -> np.ndarray:
@@ -118,8 +114,7 @@ def _unpadded(count: int) -> np.ndarray:
     To clear it all takes a tenth of the time to fill it.
     """
     room = np.empty(count, SEGMENT)
-    data = room.view(np.uint8).reshape(count, SEGMENT.itemsize)
-    data[:, _PADDING[0] : _PADDING[-1] + 1] = 0
+    room.view(np.uint8).reshape(count, SEGMENT.itemsize)[:, _PADDING] = 0
     return room
 
 

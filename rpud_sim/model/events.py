@@ -151,15 +151,16 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
     stepped = state.resonant and resonator.follows(state)
     end_segment(drill, state, segment, impact, segment.duration, turns)
     turn = turn_at(state.phase) if state.yields or stepped else turns.vibration
-    if stepped and end == END_AMPLITUDE:
+    stepped = stepped and end == END_AMPLITUDE
+    if stepped:
         state.effort -= 1.0 - tolerances.SHARE_OF_STEP
-    if end == END_LIMIT:
+    if stepped or end == END_LIMIT:
         state.event = EVENT_LIMIT
         if state.impact_open and impact.contact_duration >= tolerances.LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-    else:
+    if end != END_LIMIT:
         if end == END_AMPLITUDE and not stepped:
             if state.resonant:
                 resonator.update(state)

@@ -26,8 +26,10 @@ from rpud_sim.model.segment import (
     vibration_turn,
 )
 
-# Samples of the contact force in which its maximum is sought while all three bodies are in contact.
+# Samples of the contact force in which its maximum is sought while all three bodies are in contact,
+# and in a step in which the vibration yields: an eighth of a cycle.
 FORCE_SAMPLES = 64
+SAMPLES_OF_STEP = 4
 
 
 @compiled
@@ -65,8 +67,11 @@ def peak_of_three(segment, time):
     start, _ = force_on_drill_tool(segment, 0.0)
     end, _ = force_on_drill_tool(segment, time)
     greatest = max(start, end)
-    step = time / FORCE_SAMPLES
-    for i in range(1, FORCE_SAMPLES):
+    first, samples = 1, FORCE_SAMPLES
+    if segment.drill_tool_angular_frequency != 0.0:
+        first, samples = 0, SAMPLES_OF_STEP
+    step = time / samples
+    for i in range(first, samples):
         force, slope = force_on_drill_tool(segment, i * step)
         _, slope_after = force_on_drill_tool(segment, (i + 1) * step)
         if slope > 0.0 >= slope_after:

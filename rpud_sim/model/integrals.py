@@ -136,7 +136,11 @@ def drill_tool_damper_loss(segment, start, end, begun, ended):
         return 0.0
     held = held_motion(segment, start)
     return damping * square_integral(
-        held.rate * (held.decaying + held.way), held.rate, held.omega * held.tip, held.omega, end - start
+        held.rate * (held.decaying + held.way),
+        held.rate,
+        held.omega * held.tip,
+        held.omega,
+        end - start,
     )
 
 

@@ -39,6 +39,7 @@ from rpud_sim.model.integrals import (
     vibration_work,
 )
 from rpud_sim.model.segment import CONTACT_ACTUATOR, tip_motion, turns_at
+from rpud_sim.model.tolerances import FINE, LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 from rpud_sim.model.yielding import (
     FREE_STEP,
     YIELDS_TO_MASS,
@@ -46,7 +47,6 @@ from rpud_sim.model.yielding import (
     forces_on,
     impulses_on,
 )
-from rpud_sim.model.tolerances import FINE, LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
 
 class Resonance(NamedTuple):

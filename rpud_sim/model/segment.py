@@ -284,9 +284,7 @@ def nodal_plane_closed_form(drill, bodies, state, amplitude, frequency, turn):
     force += drill.free_mass * drill.gravity
     in_phase = (carried * omega * omega - spring_rate) * amplitude
     across = -damping * omega * amplitude
-    return driven_vibration(
-        body, force, in_phase, across, frequency, turn, state.u_np, state.v_np
-    )
+    return driven_vibration(body, force, in_phase, across, frequency, turn, state.u_np, state.v_np)
 
 
 @compiled

@@ -54,8 +54,8 @@ SAME_PHASE = 1e-4
 # is smaller than what is missing to its end.
 UPDATES_PER_DECAY = 40.0
 
-# A vibration is followed in steps of an eighth of a cycle while it is smaller than so many times what
-# half a cycle of the drive adds to it.
+# A vibration is followed in steps of a sixteenth of a cycle while it is smaller than so many times
+# what half a cycle of the drive adds to it.
 FINE = 8.0
 
 # Such a step counts as this share of an event on the event budget.

@@ -26,7 +26,7 @@ from rpud_sim.model.closed_form import (
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos, sin_cos_cycles
 
-# How the vibration is in a segment: it goes on, carries the free mass, or yields between tip and rock.
+# In a segment the vibration goes on, carries the free mass, or yields between tip and rock.
 YIELDS_NOT, YIELDS_TO_MASS, YIELDS_TO_ROCK = 0, 1, 2
 
 # Longest segment of it, and of a small vibration elsewhere, in cycles of the drive.

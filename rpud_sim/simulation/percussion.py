@@ -112,10 +112,11 @@ class PercussionMeter:
         if not in_rock:
             self._pulses = (0.0, 0.0, 0.0)
             return NO_PULSES
-        self._pulses = rate, impulse, duration = tuple(
-            mean + (new / interval - mean) * share
-            for mean, new in zip(self._pulses, struck, strict=True)
-        )
+        rate, impulse, duration = self._pulses
+        rate += (struck[0] / interval - rate) * share
+        impulse += (struck[1] / interval - impulse) * share
+        duration += (struck[2] / interval - duration) * share
+        self._pulses = (rate, impulse, duration)
         if not (rate > 0.0 and impulse > 0.0 and duration > 0.0):
             return NO_PULSES
         return Pulses(rate, impulse / rate, duration / rate)

@@ -193,8 +193,9 @@ def resonant_figures(
     """Return root mean square amplitude [m], mechanical power [W] and impact rate [1/s].
 
     They are of a resonance in a window between two times [s]; its drive is off in the silence.
-    It begins with a share of the unloaded vibration. Impacts slower than ``strike`` do not count, and those within ``APART`` count as one: a mass
-    that comes to rest, or is hit on the tool, has many.
+    It begins with a share of the unloaded vibration. Impacts slower than ``strike`` do not count,
+    and those within ``APART`` count as one: a mass that comes to rest, or is hit on the tool, has
+    many.
     """
     parameters, actuator = configuration.parameters, configuration.actuator
     drill, amplitude = derive(parameters), parameters.vibration_amplitude
