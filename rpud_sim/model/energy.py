@@ -3,7 +3,8 @@
 It is an audit: of a run it takes nothing but the segments, and none of the engine's sums. It
 integrates powers, and takes impulses from the velocities at an event. So its residual shows every
 segment that breaks its equation of motion, and every event that breaks the conservation of
-momentum. The integrals (``integrals.py``) are the engine's, too: tests compare them with quadrature.
+momentum. The integrals (``integrals.py``) are the engine's, too; tests compare them with
+quadrature.
 """
 
 from typing import NamedTuple
