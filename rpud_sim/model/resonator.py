@@ -61,9 +61,10 @@ class Resonance(NamedTuple):
 
     @property
     def mass(self) -> float:
-        """M of the vibration at the tip [kg]."""
+        """M of the vibration at the tip [kg]; infinite if nothing moves it."""
         rate = TWO_PI * self.frequency * self.amplitude_per_volt
-        return 0.5 * self.decay_time / (self.resistance * rate * rate)
+        square = self.resistance * rate * rate
+        return 0.5 * self.decay_time / square if square > 0.0 else math.inf
 
 
 class ResonatorEnergy(NamedTuple):

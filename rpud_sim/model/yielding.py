@@ -47,7 +47,8 @@ class Yielding(NamedTuple):
 @compiled
 def yields(state):
     """Whether the vibration yields where tip and tool hold the free mass between them."""
-    return state.resonant and (state.amplitude > 0.0 or state.voltage > 0.0)
+    moved = state.amplitude_per_volt * state.voltage > 0.0
+    return state.resonant and (state.amplitude > 0.0 or moved)
 
 
 @compiled

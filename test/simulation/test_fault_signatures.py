@@ -20,6 +20,7 @@ from fault_signatures import (
 )
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
+from rpud_sim.drilling.inputs import Pulses
 from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.simulation.faults import Fault
 
@@ -71,7 +72,12 @@ def test_the_end_of_a_fault_brings_the_torque_back(kind):
     force = sum(block.impacts["impulse"].sum() for block in blocks) / 2.0  # on the rock
     torque = np.mean([block.process.rotation.torque for block in blocks])
     bit, radius = BitParameters(), radius_of(DRILL.rock.hole_area)
-    sharp = cut(bit, preset_layer("limestone"), radius, force, bit.bit_wear_flat)
+    impacts = np.concatenate([block.impacts for block in blocks])
+    pulses = Pulses(
+        len(impacts) / 2.0, impacts["impulse"].mean(), impacts["contact_duration"].mean()
+    )
+    limestone = preset_layer("limestone")
+    sharp = cut(bit, limestone, radius, force, bit.bit_wear_flat, 1.0, pulses)
     # The flutes have little in them at this depth.
     expected = sharp.cutting_torque + sharp.friction_torque
     assert torque == pytest.approx(expected, rel=0.1, abs=3e-5)
