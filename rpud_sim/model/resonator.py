@@ -11,7 +11,9 @@ draws V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - 
 which is the work that the next update subtracts.
 
 - A blow on the tip changes velocity and energy of the vibration immediately, unless it is at rest.
-- A contact that lasts does not change the vibration. Its work is subtracted at the next update.
+- Where the tip carries the free mass, or presses it on the rock, the vibration yields (yielding.py).
+- A small vibration is followed in steps, in each of which the drive acts as one impulse; there the
+  envelope follows the vibration.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
   frequency that turns their vibration to the envelope's phase until the next update. If the phases
   differ by more than a quarter of a cycle, the vibration is first reversed; at a zero this moves
