@@ -11,7 +11,7 @@ draws V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - 
 which is the work that the next update subtracts.
 
 - A blow on the tip changes velocity and energy of the vibration immediately, unless it is at rest.
-- Where the tip carries the free mass, or presses it on the rock, the vibration yields (yielding.py).
+- Where the tip holds the free mass, or presses it on the rock, the vibration yields (yielding.py).
 - A small vibration is followed in steps, in each of which the drive acts as one impulse; there the
   envelope follows the vibration.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
