@@ -7,11 +7,11 @@ import math
 from array import array
 from typing import NamedTuple
 
-from rpud_sim.drilling.inputs import Disturbances, Percussion
+from rpud_sim.drilling.inputs import NO_PULSES, Disturbances, Percussion, Pulses
 from rpud_sim.drilling.rock import Layer, RockParameters, Strata, inclusion_in
 from rpud_sim.drilling.rotor import NO_RESISTANCE, Resistance, Turned
 from rpud_sim.foundation.quantities import ParameterError, ParameterGroup, number
-from rpud_sim.model.elementary import exponential_minus_one
+from rpud_sim.model.elementary import arc_tangent, exponential_minus_one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,15 +85,26 @@ class Cut(NamedTuple):
 NO_CUT = Cut()
 
 
+def excess(pulses: Pulses, force: float) -> float:
+    """Return the impulse of one of the pulses above a force [N s]."""
+    peak = 0.5 * math.pi * pulses.impulse / pulses.duration
+    if not peak > force:
+        return 0.0
+    rest = math.sqrt((peak - force) * (peak + force))
+    angle = arc_tangent(rest, force)  # from the crest to where the pulse has this force
+    return 2.0 * pulses.duration / math.pi * (rest - force * angle)
+
+
 def cut(
     bit: BitParameters,
     layer: Layer,
     radius: float,
-    weight_on_bit: float,
+    mean_force: float,
     wear_flat: float,
     hardness: float = 1.0,
+    pulses: Pulses = NO_PULSES,
 ) -> Cut:
-    """Return how a bit cuts under a weight [N], after Detournay and Defourny (1992).
+    """Return how a bit cuts under a mean force [N], after Detournay and Defourny (1992).
 
     With specific energy eps, strength sigma, radius a, depth of cut d, wear flat A_f, d_c the
     contact depth:
@@ -101,19 +112,29 @@ def cut(
         W = zeta eps a d + F_f          T = eps a^2 d / 2 + mu gamma a F_f / 2
         F_f = sigma A_f min(d / d_c, 1)
 
-    ``hardness`` is a factor on eps and sigma.
+    The law holds at each instant, and the result is its mean: what the pulses leave of the force
+    acts always. ``hardness`` is a factor on eps and sigma.
     """
-    if not weight_on_bit > 0.0:
+    if not mean_force > 0.0:
         return NO_CUT
     edge = bit.bit_thrust_ratio * layer.specific_energy * hardness * radius  # N for 1 m of cut
     bearing = layer.strength * hardness * wear_flat
-    depth = weight_on_bit / (edge + bearing / bit.bit_contact_depth)
-    if depth > bit.bit_contact_depth:
-        depth = (weight_on_bit - bearing) / edge
+    both = edge + bearing / bit.bit_contact_depth
+    # Above this force all further force cuts.
+    bears = both * bit.bit_contact_depth
+    more = 1.0 / edge - 1.0 / both
+    struck = pulses.rate * pulses.impulse
+    share = 1.0 if struck <= mean_force else mean_force / struck
+    steady = mean_force - share * struck
+    depth = mean_force / both
+    if steady > bears:
+        depth += more * (steady - bears)
+    if share * struck > 0.0:
+        depth += more * share * pulses.rate * excess(pulses, bears)
     cutting_force = edge * depth
-    if cutting_force > weight_on_bit:
-        cutting_force = weight_on_bit
-    friction_force = weight_on_bit - cutting_force
+    if cutting_force > mean_force:
+        cutting_force = mean_force
+    friction_force = mean_force - cutting_force
     return Cut(
         depth,
         0.5 * layer.specific_energy * hardness * radius * radius * depth,
@@ -216,9 +237,9 @@ class RecentDrilling:
         return self._change_of(self._depths) / time if time > 0.0 else 0.0
 
     def specific_energy(self, area: float) -> float:
-        """Return energy over volume [J/m^3], after Teale (1965); NaN if there was no progress."""
-        deeper = self._change_of(self._depths)
-        return self._change_of(self._energies) / (area * deeper) if deeper > 0.0 else math.nan
+        """Return energy over volume [J/m^3], after Teale (1965); NaN without either of them."""
+        deeper, energy = self._change_of(self._depths), self._change_of(self._energies)
+        return energy / (area * deeper) if deeper > 0.0 and energy > 0.0 else math.nan
 
 
 # Torque over radius and axial force of a screw, at most: a screw of 88.8 degrees.
@@ -295,7 +316,8 @@ class Borehole:
             return NO_RESISTANCE
         done = NO_CUT
         if self._drills(percussion):
-            done = self._cut(self._layer_under(disturbances), percussion.rock_force, disturbances)
+            layer = self._layer_under(disturbances)
+            done = self._cut(layer, percussion.rock_force, percussion.pulses, disturbances)
         flutes = self._cuttings.torque(self._tip, disturbances.clogged)
         faults = disturbances.extra_torque + disturbances.screw_torque
         return Resistance(done.cutting_torque, done.friction_torque, flutes, faults)
@@ -322,13 +344,15 @@ class Borehole:
         for energy, impacts, angle in (*parts, (0.0, 0, turned)):
             before = self._depth
             if drills:
-                self._deepen(energy, angle, force, disturbances)
+                self._deepen(energy, angle, force, percussion.pulses, disturbances)
             self._move_tip(mount_position)
             produced = (self._depth - before) * self._area
             self._cuttings.step(produced, angle, impacts, self._tip, disturbances.clearing)
         self._wear(rotation.friction, layer)
         deeper = self._depth - start
-        self._energy += force * deeper + math.fsum(energies) + rotation.resisted
+        # A squeezed mass gives energy back: that is none that tool and rock absorb.
+        absorbed = math.fsum(energy for energy in energies if energy > 0.0)
+        self._energy += force * deeper + absorbed + rotation.resisted
         self._recent.add(interval, self._depth, self._energy)
         self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
 
@@ -336,12 +360,12 @@ class Borehole:
         """Whether the tool is in rock into which it can get deeper."""
         return percussion.in_rock and not self._through and self._depth < self._deepest
 
-    def _cut(self, layer: Layer, force: float, disturbances: Disturbances) -> Cut:
+    def _cut(self, layer: Layer, force: float, pulses: Pulses, disturbances: Disturbances) -> Cut:
         """Return the cut in a layer, with the pull of rock in the flutes."""
         if disturbances.screw_torque:
             force += disturbances.screw_torque / (self._radius * self._screw_slope(layer))
         flat = min(self._wear_flat * disturbances.worn_factor, self._area)
-        return cut(self._bit, layer, self._radius, force, flat, disturbances.hardness)
+        return cut(self._bit, layer, self._radius, force, flat, disturbances.hardness, pulses)
 
     def _layer_under(self, disturbances: Disturbances) -> Layer:
         """Return the layer at the bottom, or a harder stone in it."""
@@ -357,7 +381,12 @@ class Borehole:
         return total / rest if total < STEEPEST * rest else STEEPEST
 
     def _deepen(
-        self, energy: float, turned: float, force: float, disturbances: Disturbances
+        self,
+        energy: float,
+        turned: float,
+        force: float,
+        pulses: Pulses,
+        disturbances: Disturbances,
     ) -> None:
         """Deepen the hole by an impact or a rotation, through as many layers as it reaches."""
         hardness = disturbances.hardness
@@ -373,7 +402,9 @@ class Borehole:
                 deeper = self._breaking_share * breaking
                 deeper /= layer.specific_energy * hardness * self._area
             if turned > 0.0:
-                deeper += self._cut(layer, force, disturbances).depth * turned / (2.0 * math.pi)
+                deeper += (
+                    self._cut(layer, force, pulses, disturbances).depth * turned / (2.0 * math.pi)
+                )
             layer_end = self._strata.end_of(self._layer)
             end = min(layer_end, self._deepest)
             if not self._depth + deeper * left >= end:

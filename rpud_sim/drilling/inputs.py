@@ -7,6 +7,17 @@ import math
 from typing import NamedTuple
 
 
+class Pulses(NamedTuple):
+    """Equal pulses of force on the rock, half sines, immutable: means over ``FORCE_WINDOW``."""
+
+    rate: float = 0.0  # [1/s]
+    impulse: float = 0.0  # of each [N s]
+    duration: float = 0.0  # of each [s]
+
+
+NO_PULSES = Pulses()
+
+
 class Percussion(NamedTuple):
     """Percussion during one step, immutable."""
 
@@ -18,6 +29,7 @@ class Percussion(NamedTuple):
     reacting_force: float = 0.0  # mean force on the mount, away from the rock [N]
     # on the rock, mean over ``FORCE_WINDOW`` [N]; zero while the tool is not in the rock
     rock_force: float = 0.0
+    pulses: Pulses = NO_PULSES  # of impacts, in which most of that force acts
     load_damping: float = 0.0  # c_1 of the load spring [N s/m]
     reach: float = -math.inf  # how far the tip comes until the next step, at most [m]
 

@@ -130,7 +130,6 @@ def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
 
 @functools.lru_cache(maxsize=64)
 def inclusion_in(layer: Layer, strength: float) -> Layer:
-    """Return the layer of a rock by its name, from zero depth on, with the values of its kind."""
     """Return the rock of a stone in a layer, nowhere softer than the layer.
 
     Its specific energy is its strength, its threshold energy basalt's in proportion to it

@@ -91,10 +91,16 @@ STATE = record_type(
         ("resonant", np.uint8),
         ("steady", np.uint8),  # no update until a contact or a command
         *floats("decay_time", "resistance", "amplitude_per_volt", "voltage"),
-        *floats("drive_frequency", "drive_phase", "resonance_frequency"),
+        *floats("drive_frequency", "drive_phase", "resonance_frequency", "modal_mass"),
         *floats("envelope_real", "envelope_imag"),
         *floats("envelope_age"),  # time since the envelope was written
         *floats("update_due"),  # time until the next update is due
+        ("yields", np.uint8),  # one of the YIELDS_* of yielding.py in the open segment
+        *floats("drive_force", "loss_force"),  # on it there [N]
+        ("fine", np.uint8),  # whether drive and losses act in small steps, see resonator.py
+        *floats("missing"),  # displacement that they owe the vibration [m]
+        *floats("ahead"),  # impulse of the drive that acted ahead of its time [N s]
+        *floats("given"),  # impulse on the free mass by such a step at the last event [N s]
         *floats("drawn", "heat", "work", "pending"),
     ]
 )

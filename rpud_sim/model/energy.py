@@ -1,33 +1,31 @@
 """Energy account of a trajectory: work, losses and what is stored, from its closed forms.
 
-It is an audit: it takes nothing from the engine but the segments. It integrates powers, and takes
-impulses from the velocities at an event. So its residual shows every segment that breaks its
-equation of motion, and every event that breaks the conservation of momentum.
-
-Within a segment every power is a product of sums of ``Re(z exp(rate s))``, complex ``z`` and rate.
+It is an audit: of a run it takes nothing but the segments, and none of the engine's sums. It
+integrates powers, and takes impulses from the velocities at an event. So its residual shows every
+segment that breaks its equation of motion, and every event that breaks the conservation of
+momentum. The integrals (``integrals.py``) are the engine's, too; tests compare them with
+quadrature.
 """
 
 from typing import NamedTuple
 
-from rpud_sim.model.closed_form import TWO_PI, swinging_part
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.elementary import (
-    complex_exponential,
-    complex_quotient,
-    complex_size,
-    exponential_minus_one,
-    sin_cos,
+from rpud_sim.model.integrals import (
+    damper_loss,
+    drill_tool_damper_loss,
+    growth_over,
+    held_motion,
+    square_integral,
+    vibration_work,
+    way_of,
 )
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
-    CONTACT_BOTH,
     CONTACT_DRILL_TOOL,
     EVENT_COMMAND,
     EVENT_RELEASE,
     drill_tool_motion,
-    load_of,
     nodal_plane_motion,
-    vibration_turn,
 )
 from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
 
@@ -59,145 +57,7 @@ class RpudConstants(NamedTuple):
 
     mass: float  # m_ud [kg]
     gravity_acts: bool  # on the RPUD, not on the free mass alone
-    tip_compliance: float  # of the vibration, unless at rest [m/N]; zero if blows leave it
-
-
-# Exponents below this are integrated as a series.
-_SHORT = 1e-9
-
-
-@compiled
-def growth_over(rate, duration):
-    """Return exp(rate s) - 1 without cancellation, with a complex rate [1/s]."""
-    size = exponential_minus_one(rate.real * duration)
-    half, cosine = sin_cos(0.5 * rate.imag * duration)
-    real = size - (size + 1.0) * (2.0 * half * half)
-    return complex(real, (size + 1.0) * (2.0 * half * cosine))
-
-
-@compiled
-def exponential_integral(rate, duration):
-    """Integral of exp(rate s) over a duration, with a complex rate [1/s]."""
-    largest = max(abs(rate.real), abs(rate.imag))  # without a root where it is large enough
-    if largest * duration < _SHORT and complex_size(rate) * duration < _SHORT:
-        return duration * (1.0 + 0.5 * rate * duration)
-    return complex_quotient(growth_over(rate, duration), rate)
-
-
-@compiled
-def product_integral(first, first_rate, second, second_rate, duration):
-    """Integral of Re(first exp(first_rate s)) Re(second exp(second_rate s)) over a duration."""
-    other, other_rate = second.conjugate(), second_rate.conjugate()
-    total = first * second * exponential_integral(first_rate + second_rate, duration)
-    total += first * other * exponential_integral(first_rate + other_rate, duration)
-    return 0.5 * total.real
-
-
-@compiled
-def way_of(motion, begun, ended):
-    """Way of a decaying part between two ``DecayingSinCos`` [m].
-
-    A difference of positions would lose the digits that the deflection of a soft spring takes.
-    """
-    change = ended.change - begun.change
-    return motion.cosine * change + motion.sine * (ended.sine - begun.sine)
-
-
-@compiled
-def damper_loss(damping, motion, begun, ended):
-    """Energy that a damping takes from a decaying part between two ``DecayingSinCos`` [J].
-
-    x'' + 2 a x' + (a^2 + w^2) x = 0 times x', integrated once: no other function is needed.
-    """
-    a = motion.decay_rate
-    if damping == 0.0 or a == 0.0:
-        return 0.0
-    w = motion.angular_frequency
-    u_begun, v_begun = swinging_part(motion, begun)
-    u_ended, v_ended = swinging_part(motion, ended)
-    lost = (v_begun - v_ended) * (v_begun + v_ended)
-    lost -= (a * a + w * w) * way_of(motion, begun, ended) * (u_begun + u_ended)
-    return 0.25 * damping / a * lost
-
-
-@compiled
-def square_integral(first, first_rate, second, second_rate, duration):
-    """Integral of the square of Re(first exp(first_rate s)) + Re(second exp(second_rate s))."""
-    return (
-        product_integral(first, first_rate, first, first_rate, duration)
-        + 2.0 * product_integral(first, first_rate, second, second_rate, duration)
-        + product_integral(second, second_rate, second, second_rate, duration)
-    )
-
-
-class HeldMotion(NamedTuple):
-    """Motion of a tip that holds the free mass, from a time on, in complex parts."""
-
-    decaying: complex  # amplitude of the nodal plane's decaying part [m]
-    rate: complex  # at which it decays [1/s]
-    steady: complex  # amplitude of the nodal plane's steady vibration [m]
-    tip: complex  # that of the tip's [m]
-    turn: complex  # exp(i phi)
-    omega: complex  # rate of the vibration [1/s]
-
-
-@compiled
-def held_motion(segment, start):
-    motion = nodal_plane_motion(segment)
-    rate = complex(-motion.decay_rate, motion.angular_frequency)
-    decaying = complex(motion.cosine, -motion.sine)
-    if start > 0.0:
-        decaying *= complex_exponential(rate * start)
-    sine, cosine = vibration_turn(segment, start)
-    turn = complex(cosine, sine)
-    steady = complex(motion.vibration_cosine, -motion.vibration_sine) * turn
-    omega = complex(0.0, TWO_PI * segment.vibration_frequency)
-    tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
-    return HeldMotion(decaying, rate, steady, tip, turn, omega)
-
-
-@compiled
-def drill_tool_damper_loss(segment, start, end, begun, ended):
-    """Energy that the damping of the drill tool takes in a part of a segment [J].
-
-    ``begun`` and ``ended`` are its ``DecayingSinCos`` at the start and the end of the part.
-    """
-    damping = segment.drill_tool_damping
-    if segment.contact != CONTACT_BOTH:
-        return damper_loss(damping, drill_tool_motion(segment), begun, ended)
-    if damping == 0.0:
-        return 0.0
-    held = held_motion(segment, start)
-    return damping * square_integral(
-        held.rate * held.decaying, held.rate, held.omega * held.tip, held.omega, end - start
-    )
-
-
-@compiled
-def force_parts(segment, held):
-    """Force of the tip on what it holds [N]: constant, and amplitudes of decay and vibration."""
-    rate, omega = held.rate, held.omega
-    mass, damping, spring_rate, force = load_of(segment, True)
-    constant = spring_rate * segment.nodal_plane_offset - force
-    slow = (mass * rate * rate + damping * rate + spring_rate) * held.decaying
-    fast = (mass * omega * omega + damping * omega + spring_rate) * held.tip
-    return constant, slow, fast
-
-
-@compiled
-def actuator_work(segment, held, duration):
-    """Work of the vibration on the free mass that the tip holds [J].
-
-    The integral of N v_hv, N the force of the tip; the nodal plane's work stays among the bodies.
-    """
-    constant, slow, fast = force_parts(segment, held)
-    omega = held.omega
-    velocity = abs(omega.imag) * segment.vibration_amplitude * held.turn
-    return (
-        constant * (velocity * exponential_integral(omega, duration)).real
-        + product_integral(slow, held.rate, velocity, omega, duration)
-        + product_integral(fast, omega, velocity, omega, duration)
-    )
+    per_modal_mass: float  # 1 / M of the vibration, unless at rest [1/kg]; zero if blows leave it
 
 
 @compiled
@@ -206,14 +66,15 @@ def held_travels(segment, held, duration):
 
     Differences of positions would lose the digits that the deflection of a soft spring takes.
     """
-    decaying, rate, steady, _, turn, omega = held
+    decaying, way, rate, steady, _, turn, omega = held
     swing = growth_over(omega, duration)
     nodal_plane = (decaying * growth_over(rate, duration)).real + (steady * swing).real
     vibration = complex(0.0, -segment.vibration_amplitude) * turn
     loss = segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, duration
     )
-    return nodal_plane, nodal_plane + (vibration * swing).real, loss
+    tip = (way * growth_over(rate, duration)).real + (vibration * swing).real
+    return nodal_plane, nodal_plane + tip, loss
 
 
 @compiled
@@ -253,7 +114,7 @@ def add_motion(rpud, segment, start, end, begun, ended, account):
     if segment.contact & CONTACT_ACTUATOR:
         held, duration = held_motion(segment, start), end - start
         nodal_plane, free_mass, loss = held_travels(segment, held, duration)
-        account[ACTUATOR_WORK] += actuator_work(segment, held, duration)
+        account[ACTUATOR_WORK] += vibration_work(segment, held, duration)
     else:
         nodal_plane, free_mass, loss = free_travels(segment, start, end, begun, ended)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
@@ -349,8 +210,7 @@ def add_event(rpud, before, after, segment, account):
     vibration = ut_after - np_after
     vibration_before = vibration
     if segment.vibration_amplitude > 0.0:
-        omega = TWO_PI * segment.vibration_frequency
-        vibration_before += from_tip * omega * omega * rpud.tip_compliance
+        vibration_before += from_tip * rpud.per_modal_mass
     if rests(segment):
         # The rock has taken what motion and strain the impact left to the drill tool.
         on_tool = from_tip - segment.free_mass * (fm_after - fm_before)

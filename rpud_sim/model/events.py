@@ -59,7 +59,7 @@ HAPPENS = (
 
 
 @compiled
-def end_segment(state, segment, impact, time, turns):
+def end_segment(drill, state, segment, impact, time, turns):
     """Follow the open segment to a time after its start, and move the state there."""
     if state.impact_open:
         follow_impact(segment, impact, time, turns)
@@ -71,10 +71,11 @@ def end_segment(state, segment, impact, time, turns):
     whole = math.floor(fraction)
     state.seconds += int(whole)
     state.fraction = fraction - whole
-    state.phase = advance_phase(state.phase, state.frequency, time)
     state.effort = max(state.effort - tolerances.EVENT_BUDGET * time, 0.0)
     if state.resonant:
-        resonator.load_by_contact(state, segment, time)
+        resonator.end_vibration(drill, state, segment, time, turns)
+    else:
+        state.phase = advance_phase(state.phase, state.frequency, time)
 
 
 @compiled
@@ -96,9 +97,13 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
         drill, state, closed, opened, collisions.drill_tool_struck, turn
     )
     if state.resonant and state.v_np != alone:
-        resonator.hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
+        resonator.hold(drill, state, alone, drill.rpud_mass * (v_np - alone) + state.given)
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state, turn)
+    if state.resonant and state.fine and closed & CONTACT_ACTUATOR & ~state.contact:
+        given = drill.rpud_mass * (v_np - state.v_np) + state.given
+        resonator.draw_back(state, given)
+        turn = turn_at(state.phase)
     if collisions.actuator_struck or abs(state.v_np - v_np) > tolerances.SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
     impacted = collisions.impact_velocity > tolerances.SLOWEST_IMPACT
@@ -143,16 +148,20 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
     Returns the number of finished impacts, and the ``PhaseSinCos`` at the start of that segment.
     """
     end = state.next_event
-    end_segment(state, segment, impact, segment.duration, turns)
-    turn = turns.vibration
-    if end == END_LIMIT:
+    stepped = state.resonant and resonator.follows(state)
+    end_segment(drill, state, segment, impact, segment.duration, turns)
+    turn = turn_at(state.phase) if state.yields or stepped else turns.vibration
+    stepped = stepped and end == END_AMPLITUDE
+    if stepped:
+        state.effort -= 1.0 - tolerances.SHARE_OF_STEP
+    if stepped or end == END_LIMIT:
         state.event = EVENT_LIMIT
         if state.impact_open and impact.contact_duration >= tolerances.LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-    else:
-        if end == END_AMPLITUDE:
+    if end != END_LIMIT:
+        if end == END_AMPLITUDE and not stepped:
             if state.resonant:
                 resonator.update(state)
             else:
@@ -241,7 +250,7 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state = states[0]
     segment = open_segments[0]
     impact = open_impacts[0]
-    end_segment(state, segment, impact, time, turns_at(segment, time))
+    end_segment(drill, state, segment, impact, time, turns_at(segment, time))
     segments[0] = segment
     segments[0].duration = time
     weight_on_bit, level, frequency, resonance_frequency, passed, grips = new

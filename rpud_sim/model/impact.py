@@ -6,11 +6,17 @@ the actuator strikes a jammed free mass, and when the rock is left.
 
 import math
 
-from rpud_sim.model.closed_form import NO_SWING, TWO_PI, decaying_amplitude, swinging_part
+from rpud_sim.model.closed_form import (
+    NO_SWING,
+    TWO_PI,
+    decaying_amplitude,
+    swinging_part,
+    swung_integral,
+)
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.elementary import arc_tangent
-from rpud_sim.model.energy import drill_tool_damper_loss
+from rpud_sim.model.integrals import drill_tool_damper_loss
 from rpud_sim.model.search import force_of_swing, force_on_drill_tool
 from rpud_sim.model.segment import (
     CONTACT_BOTH,
@@ -20,8 +26,10 @@ from rpud_sim.model.segment import (
     vibration_turn,
 )
 
-# Samples of the contact force in which its maximum is sought while all three bodies are in contact.
+# Samples of the contact force in which its maximum is sought while all three bodies are in contact,
+# and in a step in which the vibration yields: an eighth of a cycle.
 FORCE_SAMPLES = 64
+SAMPLES_OF_STEP = 4
 
 
 @compiled
@@ -59,8 +67,11 @@ def peak_of_three(segment, time):
     start, _ = force_on_drill_tool(segment, 0.0)
     end, _ = force_on_drill_tool(segment, time)
     greatest = max(start, end)
-    step = time / FORCE_SAMPLES
-    for i in range(1, FORCE_SAMPLES):
+    first, samples = 1, FORCE_SAMPLES
+    if segment.drill_tool_angular_frequency != 0.0:
+        first, samples = 0, SAMPLES_OF_STEP
+    step = time / samples
+    for i in range(first, samples):
         force, slope = force_on_drill_tool(segment, i * step)
         _, slope_after = force_on_drill_tool(segment, (i + 1) * step)
         if slope > 0.0 >= slope_after:
@@ -107,6 +118,9 @@ def follow_impact(segment, impact, time, turns):
         vibration = segment.vibration_amplitude * (turn.cosine - turns.vibration.cosine)
         omega = TWO_PI * segment.vibration_frequency
         integral = nodal_plane_integral(segment, time, turn, turns) + vibration / omega
+        way = drill_tool_motion(segment)
+        if way.angular_frequency != 0.0:
+            integral += way.offset * time + swung_integral(way, turns.drill_tool)
         impact.impulse += (
             mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)

@@ -24,6 +24,7 @@ from rpud_sim.model.tolerances import (
     TOUCHING,
     WEAKEST_PULL,
 )
+from rpud_sim.model.yielding import carrying_frequency, yielding_acceleration, yields
 
 
 class Collisions(NamedTuple):
@@ -123,7 +124,10 @@ def exchange_momentum(drill, state, closed, turn):
 @compiled
 def tip_acceleration(drill, state, v_np, contact, turn):
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
-    omega = TWO_PI * state.frequency
+    frequency = state.frequency
+    if contact == CONTACT_ACTUATOR and state.resonant:
+        frequency = carrying_frequency(drill, state)
+    omega = TWO_PI * frequency
     mass = drill.rpud_mass
     force = state.weight_on_bit + drill.rpud_weight - mass * omega * omega * u_hv
     force -= drill.load_spring_rate * state.u_np + drill.rpud_damping * v_np
@@ -166,18 +170,22 @@ def returns_at_once(separation, closing_acceleration):
 
 
 @compiled
-def hold_both(drill, state, v_ut, v_hv, stay, turn):
+def hold_both(drill, state, u_ut, v_ut, v_hv, stay, turn):
     """Keep all three bodies together if both contacts push; one that is jammed need not.
 
-    ``stay``: whether both pairs stay together; if not, the free mass may still be caged.
+    ``stay``: whether both pairs stay together; if not, the free mass may still be caged. The drill
+    tool is where the tip is, u_ut: there the forces must push.
     """
     pair = pair_velocity(drill, state)
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass + drill.tool_mass, pair)
-    acceleration = tip_acceleration(drill, state, together - v_hv, CONTACT_BOTH, turn)
+    if yields(state):
+        acceleration = yielding_acceleration(drill, state, turn, together - v_hv)
+    else:
+        acceleration = tip_acceleration(drill, state, together - v_hv, CONTACT_BOTH, turn)
     on_tool = (
         drill.tool_mass * acceleration
         + drill.tool_damping * together
-        + drill.tool_spring_rate * state.u_dt
+        + drill.tool_spring_rate * u_ut
     )
     on_tip = on_tool + drill.free_mass * (acceleration - drill.gravity)
     energy = 0.5 * (
@@ -229,7 +237,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
     if not closed:
         return 0
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
-    v_ut = state.v_np + v_hv
+    u_ut, v_ut = state.u_np + u_hv, state.v_np + v_hv
     tip = 0.0
     if closed & CONTACT_ACTUATOR:
         tip = tip_acceleration(drill, state, state.v_np, 0, turn)
@@ -238,7 +246,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
         if (
             closed & CONTACT_ACTUATOR
             and returns_at_once(state.v_fm - v_ut, tip - wedged)
-            and hold_both(drill, state, v_ut, v_hv, True, turn)
+            and hold_both(drill, state, u_ut, v_ut, v_hv, True, turn)
         ):
             return CONTACT_BOTH
         return CONTACT_DRILL_TOOL
@@ -254,8 +262,8 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
         ahead = tool_acceleration(drill, state, state.v_dt, CONTACT_DRILL_TOOL)
         on_tip = returns_at_once(state.v_fm - v_ut, tip - ahead)
     stay = on_tool and on_tip
-    near = not opened and state.u_dt - state.u_np - u_hv <= LOWEST_BOUNCE
-    if (stay or near) and hold_both(drill, state, v_ut, v_hv, stay, turn):
+    near = not opened and state.u_dt - u_ut <= LOWEST_BOUNCE
+    if (stay or near) and hold_both(drill, state, u_ut, v_ut, v_hv, stay, turn):
         return CONTACT_BOTH
     if on_tool:
         if drill_tool_struck and drill.in_rock:

@@ -11,7 +11,9 @@ draws V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - 
 which is the work that the next update subtracts.
 
 - A blow on the tip changes velocity and energy of the vibration immediately, unless it is at rest.
-- A contact that lasts does not change the vibration. Its work is subtracted at the next update.
+- Where the tip holds the free mass, or presses it on the rock, the vibration yields (yielding.py).
+- A small vibration is followed in steps, in each of which the drive acts as one impulse; there the
+  envelope follows the vibration.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
   frequency that turns their vibration to the envelope's phase until the next update. If the phases
   differ by more than a quarter of a cycle, the vibration is first reversed; at a zero this moves
@@ -33,9 +35,20 @@ from rpud_sim.model.elementary import (
     hypotenuse,
     sin_cos_cycles,
 )
-from rpud_sim.model.energy import exponential_integral, force_parts, held_motion
-from rpud_sim.model.segment import CONTACT_ACTUATOR
-from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
+from rpud_sim.model.integrals import (
+    exponential_integral,
+    held_motion,
+    vibration_work,
+)
+from rpud_sim.model.segment import CONTACT_ACTUATOR, tip_motion, turns_at
+from rpud_sim.model.tolerances import FINE, LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
+from rpud_sim.model.yielding import (
+    FREE_STEP,
+    YIELDS_TO_MASS,
+    YIELDS_TO_ROCK,
+    forces_on,
+    impulses_on,
+)
 
 
 class Resonance(NamedTuple):
@@ -49,10 +62,11 @@ class Resonance(NamedTuple):
     frequency: float  # f_r [Hz]
 
     @property
-    def compliance(self) -> float:
-        """1 / (M Omega^2): displacement of the vibration by a static force at the tip [m/N]."""
-        scale = self.amplitude_per_volt
-        return 2.0 * self.resistance * scale * scale / self.decay_time
+    def mass(self) -> float:
+        """M of the vibration at the tip [kg]; infinite if nothing moves it."""
+        rate = TWO_PI * self.frequency * self.amplitude_per_volt
+        square = self.resistance * rate * rate
+        return 0.5 * self.decay_time / square if square > 0.0 else math.inf
 
 
 class ResonatorEnergy(NamedTuple):
@@ -74,14 +88,11 @@ def stored_energy(state, envelope):
 
 
 @compiled
-def compliance(state):
-    """1 / (M Omega^2): compliance of the vibration [m/N]; zero if it is prescribed or at rest."""
+def per_mass(state):
+    """1 / M of the vibration [1/kg]; zero if it is prescribed or at rest."""
     # Blows that set a resting vibration going would let it pump: at a small amplitude a contact
     # gives and takes more in half a cycle than is stored.
-    if not state.resonant or state.amplitude == 0.0:
-        return 0.0
-    scale = state.amplitude_per_volt
-    return 2.0 * state.resistance * scale * scale / state.decay_time
+    return 1.0 / state.modal_mass if state.resonant and state.amplitude > 0.0 else 0.0
 
 
 @compiled
@@ -89,8 +100,7 @@ def tip_mass(drill, state):
     """Mass with which the tip takes part in a blow [kg]: RPUD and vibration yield both."""
     if not state.resonant:
         return drill.rpud_mass
-    omega = TWO_PI * state.frequency
-    return 1.0 / (1.0 / drill.rpud_mass + compliance(state) * omega * omega)
+    return 1.0 / (1.0 / drill.rpud_mass + per_mass(state))
 
 
 @compiled
@@ -121,7 +131,23 @@ def envelope_after(state, time):
 def account(state, segment, time):
     """``ResonatorEnergy`` at a time since the start of the open segment [s]; changes nothing."""
     envelope, drawn, heat = envelope_after(state, time)
-    _, work = contact_load(segment, time)
+    work = 0.0
+    pending = state.pending
+    if state.yields or state.fine:
+        amplitude, phase, way, work = yielded(state, segment, time, turns_at(segment, time))
+        turned = state.drive_phase + state.drive_frequency * time
+        after = envelope_of(state, amplitude, phase, turned)
+        if follows(state):
+            before, drawn, heat = brought(state)
+            if state.yields == YIELDS_TO_ROCK:
+                drawn += state.drive_force * way
+                heat -= state.loss_force * way
+            pending += heat - drawn - stored_energy(state, before)
+            envelope = after
+        else:
+            envelope += after - alone_after(state, time)
+            pending -= stored_energy(state, envelope_after(state, time)[0])
+        pending += work + stored_energy(state, envelope)
     drawn += state.drawn
     work += state.work
     advanced = max(work - drawn, 0.0)
@@ -131,7 +157,7 @@ def account(state, segment, time):
         state.heat + heat,
         work,
         stored_energy(state, envelope),
-        state.pending + work - state.work - advanced,
+        pending - advanced,
     )
 
 
@@ -165,8 +191,8 @@ def load(state, impulse, work):
     The impulse is the integral of the force on the free mass, turned by the drive's phase [N s].
     """
     before = bring_envelope(state)
-    omega = TWO_PI * state.frequency
-    share = 2.0 * omega * state.resistance * state.amplitude_per_volt / state.decay_time
+    omega = TWO_PI * state.resonance_frequency
+    share = 1.0 / (state.modal_mass * omega * state.amplitude_per_volt)
     replace_envelope(state, before, before - share * impulse)
     state.work += work
     state.pending += work
@@ -190,7 +216,7 @@ def blow(drill, state, impulse):
     """
     omega = TWO_PI * state.frequency
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
-    after = v_hv - impulse * omega * omega * compliance(state)
+    after = v_hv - impulse * per_mass(state)
     state.v_np -= impulse / drill.rpud_mass
     load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
     if after != v_hv:
@@ -206,31 +232,9 @@ def hold(drill, state, v_np, blow_impulse):
     The vibration keeps its velocity.
     """
     impulse = drill.rpud_mass * (v_np - state.v_np)
-    omega = TWO_PI * state.frequency
     _, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
-    mean = v_hv + omega * omega * compliance(state) * (blow_impulse + 0.5 * impulse)
+    mean = v_hv + per_mass(state) * (blow_impulse + 0.5 * impulse)
     load(state, impulse * drive_turn(state), impulse * mean)
-
-
-@compiled
-def contact_load(segment, time):
-    """Load of a lasting contact over the first part of the open segment: impulse and work.
-
-    The integral of the tip's force on the free mass times exp(j 2 pi phase) [N s], and the work of
-    the vibration on the bodies [J].
-    """
-    if not segment.contact & CONTACT_ACTUATOR or segment.vibration_amplitude == 0.0:
-        return complex(0.0, 0.0), 0.0
-    held = held_motion(segment, 0.0)
-    rate, omega = held.rate, held.omega
-    constant, slow, fast = force_parts(segment, held)
-    integral = 0.5 * slow * exponential_integral(rate + omega, time)
-    integral += 0.5 * slow.conjugate() * exponential_integral(rate.conjugate() + omega, time)
-    integral += 0.5 * fast * exponential_integral(2.0 * omega, time)
-    integral += 0.5 * fast.conjugate() * time
-    integral += constant * exponential_integral(omega, time)
-    integral *= held.turn
-    return integral, omega.imag * segment.vibration_amplitude * integral.real
 
 
 @compiled
@@ -242,14 +246,173 @@ def move_resonance(state, time):
 
 
 @compiled
-def load_by_contact(state, segment, time):
-    """Move the resonance to a time, and let the contact of the segment till then load it."""
-    integral, work = contact_load(segment, time)
+def follows(state):
+    """Whether the envelope follows the vibration in the open segment, not the other way round."""
+    return state.fine or state.yields == YIELDS_TO_ROCK
+
+
+@compiled
+def brought(state):
+    """Envelope that the segment began with [V], and energies drawn and heated till then [J]."""
+    _, drawn, heat = envelope_after(state, 0.0)
+    return complex(state.envelope_real, state.envelope_imag), drawn, heat
+
+
+@compiled
+def envelope_of(state, amplitude, phase, drive_phase):
+    """Envelope of a vibration [V], given the phase of the drive at its time [cycles]."""
+    sine, cosine = sin_cos_cycles(phase - drive_phase)
+    return amplitude / state.amplitude_per_volt * complex(cosine, sine)
+
+
+@compiled
+def alone_after(state, time):
+    """Envelope that the vibration at the start of a segment would have after a time [V]."""
+    return envelope_of(
+        state,
+        state.amplitude,
+        state.phase + state.frequency * time,
+        state.drive_phase + state.drive_frequency * time,
+    )
+
+
+@compiled
+def yielded(state, segment, time, turns):
+    """Vibration after a part of a segment: amplitude, phase, way [m] and work on bodies [J].
+
+    An envelope that follows it is that of the resonance frequency.
+    """
+    u_np, v_np, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
+    frequency = state.resonance_frequency if follows(state) else state.frequency
+    u_hv, v_hv = u_ut - u_np, (v_ut - v_np) / (TWO_PI * frequency)
+    begun, _ = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
+    phase = arc_tangent(u_hv, v_hv) / TWO_PI
+    work = 0.0
+    if segment.contact & CONTACT_ACTUATOR:
+        work = vibration_work(segment, held_motion(segment, 0.0), time)
+    return hypotenuse(u_hv, v_hv), phase - math.floor(phase), u_hv - begun, work
+
+
+@compiled
+def drive_on(drill, state, time, way):
+    """Let drive and losses of the time before this instant act on the vibration.
+
+    They act as one impulse, which the tip shares with a free mass that it carries. Returns the
+    energies drawn, heated and given to the bodies [J].
+    """
+    omega = TWO_PI * state.frequency
+    lightness = 1.0 / state.modal_mass
+    drive, loss = impulses_on(state, time, way)
+    drive -= state.ahead
+    state.ahead = 0.0
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
+    given = 0.0
+    if state.yields == YIELDS_TO_MASS:
+        whole = 1.0 / drill.free_mass + 1.0 / drill.rpud_mass + lightness
+        given = (drive + loss) * lightness / whole
+        state.v_np -= given / drill.rpud_mass
+        state.v_fm += given / drill.free_mass
+    after = v_hv + (drive + loss - given) * lightness
+    mean = 0.5 * (v_hv + after)
+    phase = arc_tangent(u_hv, after / omega) / TWO_PI
+    state.amplitude = hypotenuse(u_hv, after / omega)
+    state.phase = phase - math.floor(phase)
+    state.given = given
+    return drive * mean, -loss * mean, given * (after + 0.5 * given * lightness)
+
+
+@compiled
+def end_vibration(drill, state, segment, time, turns):
+    """Move resonance and vibration to a time in the open segment, where it ends."""
+    state.given = 0.0
+    if not (state.yields or state.fine):
+        state.phase = advance_phase(state.phase, state.frequency, time)
+        move_resonance(state, time)
+        return
+    amplitude, phase, way, work = yielded(state, segment, time, turns)
+    if not follows(state):
+        # What the free mass changes of the vibration loads the envelope as a blow does.
+        alone = alone_after(state, time)
+        move_resonance(state, time)
+        before = bring_envelope(state)
+        change = envelope_of(state, amplitude, phase, state.drive_phase) - alone
+        replace_envelope(state, before, before + change)
+        state.work += work
+        state.pending += work
+        state.amplitude, state.phase = amplitude, phase
+        if state.steady:
+            state.steady = 0
+            state.update_due = update_interval(state, state.drive_frequency)
+        return
+    before, drawn, heat = brought(state)
+    state.amplitude, state.phase = amplitude, phase
+    state.frequency = state.resonance_frequency
+    if state.yields == YIELDS_TO_ROCK:
+        drawn += state.drive_force * way
+        heat -= state.loss_force * way
+    else:
+        drive, loss, given = drive_on(drill, state, time, way)
+        drawn += drive
+        heat += loss
+        work += given
     move_resonance(state, time)
-    if work != 0.0 or integral != 0.0:
-        sine, cosine = sin_cos_cycles(state.phase)
-        turn = complex(cosine, sine)
-        load(state, integral.conjugate() * turn * drive_turn(state), work)
+    envelope = envelope_of(state, state.amplitude, state.phase, state.drive_phase)
+    set_envelope(state, envelope)
+    state.drawn += drawn
+    state.heat += heat
+    state.work += work
+    state.pending += work + heat - drawn
+    state.pending += stored_energy(state, envelope) - stored_energy(state, before)
+    state.steady = 0
+    state.update_due = 0.0
+    state.fine = is_fine(state, 2.0 if state.fine else 1.0)
+    if not state.fine:
+        state.missing = 0.0
+    if state.voltage == 0.0 and state.amplitude <= LOWEST_BOUNCE:
+        replace_envelope(state, envelope, complex(0.0, 0.0))
+        state.amplitude = 0.0
+
+
+# Share of the velocity by which a step draws the tip away, below which bodies part too slowly.
+NEARLY = 0.1
+
+
+@compiled
+def draw_back(state, impulse_given):
+    """Let a drive that draws the tip away from bodies that it touches act ahead of its time.
+
+    Else they would meet again and again until its step ends. The tip has given the bodies an
+    impulse at this instant [N s], whose work is that of the mean velocity.
+    """
+    force, _ = forces_on(state, 0.0)
+    impulse = force * FREE_STEP / state.drive_frequency
+    omega = TWO_PI * state.frequency
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
+    after = v_hv + impulse / state.modal_mass
+    if not state.v_fm - state.v_np - v_hv < NEARLY * (v_hv - after):
+        return
+    phase = arc_tangent(u_hv, after / omega) / TWO_PI
+    state.amplitude = hypotenuse(u_hv, after / omega)
+    state.phase = phase - math.floor(phase)
+    state.ahead = impulse
+    work = impulse_given * (after - v_hv)
+    drawn = impulse * 0.5 * (v_hv + after) + work
+    state.work += work
+    before = bring_envelope(state)
+    envelope = envelope_of(state, state.amplitude, state.phase, state.drive_phase)
+    replace_envelope(state, before, envelope)
+    state.drawn += drawn
+    state.pending += work - drawn
+
+
+@compiled
+def is_fine(state, factor):
+    """Whether the vibration is so small that half a cycle of the drive changes much of it."""
+    detuned = abs(state.drive_frequency - state.resonance_frequency)
+    if detuned * 4.0 * FINE > state.resonance_frequency:
+        return False  # the drive hardly moves it
+    rise = state.amplitude_per_volt * state.voltage / (2.0 * state.drive_frequency)
+    return state.amplitude * state.decay_time < factor * FINE * rise
 
 
 @compiled
@@ -309,6 +472,7 @@ def begin_resonance(state):
     state.frequency = state.drive_frequency
     state.steady = 1 if state.voltage == 0.0 else 0
     plan(state)
+    state.fine = is_fine(state, 1.0)
 
 
 @compiled
@@ -328,6 +492,7 @@ def change_drive(state, voltage, drive_frequency, resonance_frequency):
     state.update_due = 0.0
     if state.amplitude == 0.0:
         plan(state)
+    state.fine = is_fine(state, 1.0)
 
 
 @compiled
@@ -359,12 +524,13 @@ def update(state):
     if steady:
         state.steady = 1
         state.frequency = state.drive_frequency
-    else:
-        plan(state)
+        return
+    plan(state)
+    state.fine = is_fine(state, 1.0)
 
 
 @compiled
-def time_to_update(state):
-    """Time until the next zero of the vibration at which an update is due [s]."""
-    half_cycles = 2.0 * (state.phase + state.frequency * max(state.update_due, 0.0))
-    return (0.5 * math.floor(half_cycles) + 0.5 - state.phase) / state.frequency
+def time_to_update(due, phase, frequency):
+    """Time until the next zero of the vibration at which an update that is due comes [s]."""
+    half_cycles = 2.0 * (phase + frequency * max(due, 0.0))
+    return (0.5 * math.floor(half_cycles) + 0.5 - phase) / frequency

@@ -32,10 +32,12 @@ from rpud_sim.model.segment import (
     load_of,
     nodal_plane_motion,
     nodal_plane_swing,
+    slow_tip_motion,
     tip_motion,
     vibration_turn,
 )
 from rpud_sim.model.strike import first_landing, first_strike
+from rpud_sim.model.yielding import FREE_STEP, STEP, YIELDS_TO_ROCK
 
 # What ends a segment: a guard that reaches zero, a change of amplitude, or its greatest length.
 END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT = 0, 1
@@ -90,12 +92,12 @@ def gap_to_drill_tool(segment, time):
 @compiled
 def force_from_tip(load, segment, time):
     """Force of a contact that holds a load against the tip: m u'' + c u' + k u - F at the tip."""
-    motion = nodal_plane_motion(segment)
+    motion = slow_tip_motion(segment)
     displacement, velocity = decaying_part(motion, time)
     acceleration, jerk = decaying_derivatives(motion, displacement, velocity)
     mass, damping, spring_rate, force = load
     slow = mass * acceleration + damping * velocity
-    slow += spring_rate * (segment.nodal_plane_offset + displacement) - force
+    slow += spring_rate * (motion.offset + displacement) - force
     slow_slope = mass * jerk + damping * acceleration + spring_rate * velocity
     omega = TWO_PI * segment.vibration_frequency
     sine, cosine = vibration_turn(segment, time)
@@ -164,7 +166,7 @@ def guard_bounds(segment, end):
         return positive_bounds(dt_second, math.inf, 0.0, 0.0)
     if segment.contact == CONTACT_DRILL_TOOL:
         return positive_bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
-    np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
+    np_rate, np_second, np_third = bounds_of(slow_tip_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
     in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
     in_quadrature = segment.nodal_plane_vibration_cosine
@@ -271,8 +273,13 @@ def next_event(drill, state, segment, turn):
     duration = tolerances.LONGEST_SEGMENT
     event = END_LIMIT
     change = math.inf
-    if state.resonant and not state.steady:
-        change = time_to_update(state)
+    if state.resonant and (state.fine or state.yields == YIELDS_TO_ROCK):
+        step = STEP if state.yields == YIELDS_TO_ROCK else FREE_STEP
+        change = step / state.drive_frequency
+    elif state.resonant and not state.steady:
+        change = time_to_update(
+            state.update_due, segment.vibration_phase, segment.vibration_frequency
+        )
     elif not state.resonant and state.target_amplitude != state.amplitude:
         change = time_to_zero_displacement(state.phase, state.frequency)
     if change < duration:

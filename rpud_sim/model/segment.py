@@ -25,6 +25,14 @@ from rpud_sim.model.closed_form import (
 )
 from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.contact import release_turn
+from rpud_sim.model.yielding import (
+    YIELDS_NOT,
+    YIELDS_TO_MASS,
+    YIELDS_TO_ROCK,
+    carrying_vibration,
+    yielding_motion,
+    yields,
+)
 
 # Bodies in contact with the free mass during a segment: bits, both may be set.
 CONTACT_ACTUATOR, CONTACT_DRILL_TOOL, CONTACT_BOTH = 1, 2, 3
@@ -106,6 +114,24 @@ def drill_tool_motion(segment):
 
 
 @compiled
+def slow_tip_motion(segment):
+    """``Oscillation`` of the tip without the steady vibration, which stays the nodal plane's."""
+    motion = nodal_plane_motion(segment)
+    if segment.contact != CONTACT_BOTH:
+        return motion
+    offset, a, w, cosine, sine, along, across = motion
+    return Oscillation(
+        offset + segment.drill_tool_offset,
+        a,
+        w,
+        cosine + segment.drill_tool_cosine,
+        sine + segment.drill_tool_sine,
+        along,
+        across,
+    )
+
+
+@compiled
 def fall(position, velocity, gravity, time):
     """Position [m] and velocity [m/s] of the free mass in flight, eqs. (10), (17) and (19)."""
     u_fm = position + velocity * time + 0.5 * gravity * time * time
@@ -175,6 +201,11 @@ def tip_motion(segment, vibration, swing):
     v_np = velocity + omega * (steady_sine * cosine - steady_cosine * sine)
     u_ut = u_np + segment.vibration_amplitude * sine
     v_ut = v_np + omega * segment.vibration_amplitude * cosine
+    if segment.contact == CONTACT_BOTH:
+        # The vibration may yield, at the rates of the nodal plane.
+        way, rate = swinging_part(drill_tool_motion(segment), swing)
+        u_ut += segment.drill_tool_offset + way
+        v_ut += rate
     return u_np, v_np, u_ut, v_ut
 
 
@@ -234,7 +265,7 @@ def oscillators_of(drill):
 
 
 @compiled
-def nodal_plane_closed_form(drill, bodies, state, turn):
+def nodal_plane_closed_form(drill, bodies, state, amplitude, frequency, turn):
     """Return the ``Oscillation`` of the nodal plane.
 
     It obeys eq. (2) with the preload W, and its weight if gravity acts on it. Free mass and drill
@@ -247,15 +278,13 @@ def nodal_plane_closed_form(drill, bodies, state, turn):
     if state.contact == CONTACT_BOTH:
         carried += drill.tool_mass
         damping, spring_rate = drill.tool_damping, drill.tool_spring_rate
-    omega = TWO_PI * state.frequency
+    omega = TWO_PI * frequency
     mass, total_damping = drill.rpud_mass + carried, drill.rpud_damping + damping
     body = oscillator(mass, total_damping, drill.load_spring_rate + spring_rate)
     force += drill.free_mass * drill.gravity
-    in_phase = (carried * omega * omega - spring_rate) * state.amplitude
-    across = -damping * omega * state.amplitude
-    return driven_vibration(
-        body, force, in_phase, across, state.frequency, turn, state.u_np, state.v_np
-    )
+    in_phase = (carried * omega * omega - spring_rate) * amplitude
+    across = -damping * omega * amplitude
+    return driven_vibration(body, force, in_phase, across, frequency, turn, state.u_np, state.v_np)
 
 
 @compiled
@@ -272,15 +301,26 @@ def drill_tool_closed_form(drill, bodies, state):
 @compiled
 def begin_segment(drill, bodies, state, segment, turn):
     """Write the closed form that follows from the state into a segment, all but its duration."""
+    phase, frequency, amplitude = state.phase, state.frequency, state.amplitude
+    state.yields = YIELDS_NOT
+    if state.contact == CONTACT_BOTH and yields(state):
+        state.yields = YIELDS_TO_ROCK
+        motion, tool, amplitude, frequency, phase = yielding_motion(drill, state, turn, state.v_np)
+    else:
+        if state.contact == CONTACT_ACTUATOR and state.resonant and amplitude > 0.0:
+            state.yields = YIELDS_TO_MASS
+            frequency, amplitude, phase = carrying_vibration(drill, state, turn)
+            turn = turn_at(phase)
+        motion = nodal_plane_closed_form(drill, bodies, state, amplitude, frequency, turn)
+        tool = drill_tool_closed_form(drill, bodies, state)
     segment.start_seconds = state.seconds
     segment.start_fraction = state.fraction
     segment.contact = state.contact
     segment.event = state.event
-    segment.vibration_phase = state.phase
-    segment.vibration_frequency = state.frequency
-    segment.vibration_amplitude = state.amplitude
+    segment.vibration_phase = phase
+    segment.vibration_frequency = frequency
+    segment.vibration_amplitude = amplitude
     segment.weight_on_bit = state.weight_on_bit
-    motion = nodal_plane_closed_form(drill, bodies, state, turn)
     segment.nodal_plane_offset = motion.offset
     segment.nodal_plane_decay_rate = motion.decay_rate
     segment.nodal_plane_angular_frequency = motion.angular_frequency
@@ -288,12 +328,11 @@ def begin_segment(drill, bodies, state, segment, turn):
     segment.nodal_plane_sine = motion.sine
     segment.nodal_plane_vibration_sine = motion.vibration_sine
     segment.nodal_plane_vibration_cosine = motion.vibration_cosine
-    motion = drill_tool_closed_form(drill, bodies, state)
-    segment.drill_tool_offset = motion.offset
-    segment.drill_tool_decay_rate = motion.decay_rate
-    segment.drill_tool_angular_frequency = motion.angular_frequency
-    segment.drill_tool_cosine = motion.cosine
-    segment.drill_tool_sine = motion.sine
+    segment.drill_tool_offset = tool.offset
+    segment.drill_tool_decay_rate = tool.decay_rate
+    segment.drill_tool_angular_frequency = tool.angular_frequency
+    segment.drill_tool_cosine = tool.cosine
+    segment.drill_tool_sine = tool.sine
     segment.free_mass_position = state.u_fm
     segment.free_mass_velocity = state.v_fm
     segment.free_mass_acceleration = drill.gravity

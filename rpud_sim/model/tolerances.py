@@ -54,6 +54,13 @@ SAME_PHASE = 1e-4
 # is smaller than what is missing to its end.
 UPDATES_PER_DECAY = 40.0
 
+# A vibration is followed in steps of a sixteenth of a cycle while it is smaller than so many times
+# what half a cycle of the drive adds to it.
+FINE = 8.0
+
+# Such a step counts as this share of an event on the event budget.
+SHARE_OF_STEP = 0.1
+
 # Consecutive events within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
 # this limit it would never return.
 LONGEST_STANDSTILL = 10_000

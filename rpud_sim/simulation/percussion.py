@@ -6,7 +6,7 @@ from array import array
 
 import numpy as np
 
-from rpud_sim.drilling.inputs import Percussion
+from rpud_sim.drilling.inputs import NO_PULSES, Percussion, Pulses
 from rpud_sim.drilling.mount import Advance, MountWork
 from rpud_sim.model.compile import reader_of
 from rpud_sim.model.drill import DrillConstants
@@ -62,7 +62,9 @@ class PercussionMeter:
         self._nominal = vibration_amplitude
         self._position = position
         self._mean_force = weight_on_bit  # mean of R [N]
-        self._energies = array("d")
+        self._energies, self._impulses, self._durations = (array("d") for _ in range(3))
+        # Pulses, their impulse and their duration in a second, means of all
+        self._pulses = (0.0, 0.0, 0.0)
         self.arrived = 0.0  # energy of all impacts [J]
 
     def shift(self, way: float) -> None:
@@ -72,6 +74,8 @@ class PercussionMeter:
     def add(self, impacts: np.ndarray) -> None:
         """Add ``IMPACT`` records of impacts that have ended."""
         self._energies.extend(impacts["energy_transferred"].tolist())
+        self._impulses.extend(impacts["impulse"].tolist())
+        self._durations.extend(impacts["contact_duration"].tolist())
 
     def read(
         self,
@@ -86,7 +90,9 @@ class PercussionMeter:
         velocity = (position - self._position) / interval
         force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
         ratio = amplitude / self._nominal if self._nominal > 0.0 else 0.0
-        self._mean_force += (force - self._mean_force) * interval / (interval + FORCE_WINDOW)
+        share = interval / (interval + FORCE_WINDOW)
+        self._mean_force += (force - self._mean_force) * share
+        pulses = self._mean_pulses(interval, share, drill.in_rock)
         on_rock = self._mean_force + drill.free_mass * drill.gravity + drill.rpud_weight
         if not (drill.in_rock and on_rock > 0.0):
             on_rock = 0.0
@@ -96,7 +102,24 @@ class PercussionMeter:
         # The tip may be ahead of the nodal plane by the amplitude.
         reach = position + max(position - self._position, 0.0) + amplitude
         self._position = position
-        return Percussion(energies, ratio, drill.in_rock, force, on_rock, drill.rpud_damping, reach)
+        forces = (force, on_rock, pulses)
+        return Percussion(energies, ratio, drill.in_rock, *forces, drill.rpud_damping, reach)
+
+    def _mean_pulses(self, interval: float, share: float, in_rock: bool) -> Pulses:
+        """Let what struck the rock in the interval [s] join the means with a share."""
+        struck = (float(len(self._impulses)), sum(self._impulses), sum(self._durations))
+        self._impulses, self._durations = array("d"), array("d")
+        if not in_rock:
+            self._pulses = (0.0, 0.0, 0.0)
+            return NO_PULSES
+        rate, impulse, duration = self._pulses
+        rate += (struck[0] / interval - rate) * share
+        impulse += (struck[1] / interval - impulse) * share
+        duration += (struck[2] / interval - duration) * share
+        self._pulses = (rate, impulse, duration)
+        if not (rate > 0.0 and impulse > 0.0 and duration > 0.0):
+            return NO_PULSES
+        return Pulses(rate, impulse / rate, duration / rate)
 
 
 class LoadSpring:

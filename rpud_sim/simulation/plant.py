@@ -31,7 +31,7 @@ def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudC
     return RpudConstants(
         parameters.rpud_mass,
         parameters.gravity_on_drill,
-        0.0 if resonance is None else resonance.compliance,
+        0.0 if resonance is None else 1.0 / resonance.mass,
     )
 
 

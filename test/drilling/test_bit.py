@@ -2,11 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
+from rpud_sim.drilling.inputs import Pulses
 from rpud_sim.drilling.rock import Layer, preset_layer
 
 BIT = BitParameters()
@@ -50,3 +53,27 @@ def test_the_cut_is_linear_in_the_weight_up_to_the_contact_depth_and_beyond():
     half = cut(BIT, ROCK, RADIUS, 0.5 * full, flat)
     assert half.depth == pytest.approx(0.5 * full_depth)
     assert half.friction_torque == pytest.approx(0.25 * ROCK.friction * RADIUS * bearing)
+
+
+@settings(max_examples=examples(50), deadline=None)
+@given(
+    st.sampled_from(["regolith", "chalk", "sandstone", "basalt"]),
+    st.floats(1e-3, 0.2),
+    st.floats(5e-6, 2e-4),
+    st.floats(1.0, 2000.0),
+    st.floats(0.0, 50.0),
+)
+def test_under_pulses_the_law_holds_at_each_instant(rock, impulse, duration, rate, steady):
+    """The mean depth of cut is that of a quadrature over half sines beside a steady force."""
+    assume(rate * duration < 0.5)
+    layer, pulses = preset_layer(rock), Pulses(rate, impulse, duration)
+    flat = BIT.bit_wear_flat
+    times = (np.arange(4000) + 0.5) / 4000
+    forces = 0.5 * np.pi * impulse / duration * np.sin(np.pi * times)
+
+    def depth(force):
+        return cut(BIT, layer, RADIUS, force, flat).depth
+
+    struck = np.mean([depth(force) for force in forces]) * duration * rate
+    found = cut(BIT, layer, RADIUS, steady + rate * impulse, flat, 1.0, pulses)
+    assert found.depth == pytest.approx(struck + depth(steady), rel=1e-4)

@@ -69,6 +69,15 @@ def test_impacts_break_by_what_exceeds_the_threshold_however_steps_divide_them(e
     assert found[0] == found[1] == pytest.approx(depth, rel=1e-12)
 
 
+@given(st.lists(st.lists(st.floats(-0.1, 0.1), max_size=4), min_size=1, max_size=8))
+def test_the_specific_energy_is_never_negative(steps):
+    """A squeezed mass gives energy back; that is none which tool and rock absorb."""
+    found = struck(*steps, strata="regolith")
+    assert math.isnan(found.specific_energy) or found.specific_energy > 0.0
+    if not any(energy > 0.0 for step in steps for energy in step):
+        assert math.isnan(found.specific_energy)
+
+
 def test_impacts_that_choke_hold_each_other_up_however_steps_divide_them():
     depths = [
         struck(*[[0.5] * count] * (300 // count), strata="chalk", bit=BIT).depth

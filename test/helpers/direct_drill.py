@@ -12,6 +12,7 @@ from numba import njit
 from rpud_sim.model.drill import derive
 
 STRIKE = 0.3  # m/s, from which on an impact on the drill tool counts
+HARD = 0.05  # m/s, the same near stall
 APART = 2e-6  # s, within which impacts count as one
 
 
@@ -109,13 +110,17 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
 
 
 @njit
-def _integrate_resonance(bodies, tool, resonance, weight, phase, silence, window, dt):
+def _integrate_resonance(bodies, tool, resonance, start, silence, window, dt):
     m, k_1, c_1, m_fm, e_1, g = bodies
     in_rock, mass, k_eff, c_dt, e_2 = tool
     modal_mass, amplitude, decay_time, frequency = resonance
     omega = 2.0 * math.pi * frequency
     drive = 2.0 * amplitude * omega / decay_time
-    y, vy, z, vz, t, vt, q, p = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    weight, phase, begun, strike = start
+    y, vy, z, vz, t, vt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # Without contacts the vibration would go on so: the drive feeds its velocity.
+    q, p = begun * amplitude * _cosine(phase - 0.25), begun * amplitude * omega * _cosine(phase)
+    y = -max(q, 0.0)
     joined = in_rock
     square, work, strikes, struck, apart = 0.0, 0.0, 0, -1, round(APART / dt)
     first, last = round(window[0] / dt), round(window[1] / dt)
@@ -142,14 +147,14 @@ def _integrate_resonance(bodies, tool, resonance, weight, phase, silence, window
                 p -= impulse / modal_mass
                 vz += impulse / m_fm
                 if joined:
-                    if vz - vt > STRIKE:
+                    if vz - vt > strike:
                         strikes += i >= first and i > struck + apart
                         struck = i
                     vz = vt = (m_fm * vz + mass * vt) / (m_fm + mass)
             if joined:
                 t = max(t, z)
         if not joined:
-            if z >= t and vz - vt > STRIKE:
+            if z >= t and vz - vt > strike:
                 strikes += i >= first and i > struck + apart
                 struck = i
             z, vz, vt, joined = _meet_tool(m_fm, mass, e_2, in_rock, z, vz, t, vt)
@@ -182,12 +187,15 @@ def arm_forces(configuration, phase, duration, dt=1e-7):
     return _integrate_arm(_bodies(drill), tool, arm, vibration, duration, dt, 1e-3)
 
 
-def resonant_figures(configuration, phase, window, silence=(0.0, 0.0), dt=2e-8):
+def resonant_figures(
+    configuration, phase, window, silence=(0.0, 0.0), dt=2e-8, begun=0.0, strike=STRIKE
+):
     """Return root mean square amplitude [m], mechanical power [W] and impact rate [1/s].
 
     They are of a resonance in a window between two times [s]; its drive is off in the silence.
-    Impacts slower than ``STRIKE`` do not count, and those within ``APART`` count as one: a mass
-    that comes to rest, or is hit on the tool, has many.
+    It begins with a share of the unloaded vibration. Impacts slower than ``strike`` do not count,
+    and those within ``APART`` count as one: a mass that comes to rest, or is hit on the tool, has
+    many.
     """
     parameters, actuator = configuration.parameters, configuration.actuator
     drill, amplitude = derive(parameters), parameters.vibration_amplitude
@@ -197,5 +205,5 @@ def resonant_figures(configuration, phase, window, silence=(0.0, 0.0), dt=2e-8):
     in_rock = parameters.regime == "drilling"
     tool = (in_rock, drill.tool_mass, drill.tool_spring_rate)
     tool += (drill.tool_damping, 0.0 if in_rock else drill.drill_tool_restitution)
-    weight = parameters.weight_on_bit
-    return _integrate_resonance(_bodies(drill), tool, resonance, weight, phase, silence, window, dt)
+    start = (parameters.weight_on_bit, phase, begun, strike)
+    return _integrate_resonance(_bodies(drill), tool, resonance, start, silence, window, dt)

@@ -31,7 +31,7 @@ DRILL = to_configuration(
         "motional_resistance": 25.0,
     }
 )
-FEED = Feed("rate", 5.4e-4)  # that the healthy drill keeps up with
+FEED = Feed("rate", 7e-4)  # that the healthy drill keeps up with
 START = 2.0  # s, when the fault begins
 WINDOW = 3.0  # s, of which means are taken, at the end of the fault
 LASTING = 6.0  # s, of a fault until its end is looked at

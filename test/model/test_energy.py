@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rpud_sim.model import energy, tally
+from rpud_sim.model import energy, integrals, tally
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.segment import IMPACT, motion_at
@@ -40,15 +40,15 @@ def residual(joules):
 def test_the_integral_of_an_exponential_is_exact_near_zero_too(real, imaginary, duration):
     rate = complex(real, imaginary)
     assume(abs(rate) * duration < 50.0)
-    value = energy.exponential_integral(rate, duration)
+    value = integrals.exponential_integral(rate, duration)
     if abs(rate) * duration < 1e-3:
         product = rate * duration
         expected = duration * (1.0 + product / 2.0 + product**2 / 6.0 + product**3 / 24.0)
     else:
         expected = (np.exp(rate * duration) - 1.0) / rate
     assert value == pytest.approx(expected, rel=1e-9)
-    assert energy.exponential_integral(0j, duration) == duration
-    assert energy.exponential_integral(complex(0.0, 1e-313), duration) == pytest.approx(duration)
+    assert integrals.exponential_integral(0j, duration) == duration
+    assert integrals.exponential_integral(complex(0.0, 1e-313), duration) == pytest.approx(duration)
 
 
 def test_a_collision_loses_what_its_restitution_says():

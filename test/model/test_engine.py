@@ -13,6 +13,7 @@ from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
+from rpud_sim.model.segment import SEGMENT
 
 REGIMES = ("free", "drilling")
 
@@ -111,3 +112,13 @@ def test_a_microgram_ends_with_one_line_that_names_it_wherever_a_caller_stops():
         text,
     )
     assert text == failure(MICROGRAM, range(0, 3_000_000, 1777))
+
+
+def test_the_bytes_between_the_fields_of_a_segment_are_zero():
+    engine = Engine(preset("drilling"))
+    for second in range(1, 6):
+        engine.advance(second, 0.0)
+        segments, _ = engine.drain()
+        data = segments.view(np.uint8).reshape(len(segments), SEGMENT.itemsize)
+        begin = SEGMENT.fields["event"][1] + 1
+        assert not data[:, begin : SEGMENT.fields["vibration_phase"][1]].any()

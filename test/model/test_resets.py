@@ -2,12 +2,22 @@
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.model.closed_form import turn_at
 from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.resets import close_gaps, exchange_momentum, lasting_contact
-from rpud_sim.model.tolerances import LOWEST_BOUNCE, TOUCHING
+from rpud_sim.model.resets import (
+    close_gaps,
+    exchange_momentum,
+    join_held_bodies,
+    lasting_contact,
+)
+from rpud_sim.model.search import force_from_tip, force_on_drill_tool
+from rpud_sim.model.segment import SEGMENT, begin_segment, load_of, oscillators_of
+from rpud_sim.model.tolerances import LOWEST_BOUNCE, TOUCHING, WEAKEST_PULL
 
 ACTUATOR, TOOL, BOTH = 1, 2, 3
 STILL = {"vibration_amplitude": 0.0, "weight_on_bit": 0.0}
@@ -89,3 +99,35 @@ def test_bodies_that_met_are_closed_whatever_the_digits():
     state = state_of(u_np=-2 * TOUCHING, u_dt=1e-3)
     assert close_gaps(state, 0, turn_at(0.0)) == 0
     assert close_gaps(state, ACTUATOR, turn_at(0.0)) == ACTUATOR
+
+
+@settings(max_examples=examples(300), deadline=None)
+@given(
+    st.floats(1e5, 1e10),
+    st.floats(0.0, 50.0),
+    st.floats(0.0, 2e-9),
+    st.floats(-TOUCHING, LOWEST_BOUNCE),
+    st.floats(0.0, 1.0),
+)
+@example(1e9, 0.1, 5e-10, 9.5e-10, 0.0)
+def test_no_contact_that_is_kept_pulls(spring_rate, weight, strain, gap, share):
+    """Not with a stiff tool either, which moves to the tip when all three are held together."""
+    parameters = preset("drilling").replace(
+        **QUIET | {"weight_on_bit": weight},
+        contact_model="given",
+        effective_tool_spring_rate=spring_rate,
+    )
+    tip = strain - gap
+    values = {"u_np": tip, "u_fm": tip + share * max(gap, 0.0), "u_dt": strain}
+    drill, state = derive(parameters), state_of(weight_on_bit=weight, **values)
+    segment = np.rec.array(np.zeros(1, SEGMENT))[0]
+    turn = turn_at(0.0)
+    closed = close_gaps(state, 0, turn)
+    state.contact = lasting_contact(drill, state, closed, 0, False, turn)
+    join_held_bodies(state, turn)
+    begin_segment(drill, oscillators_of(drill), state, segment, turn)
+    if state.contact == BOTH:
+        assert force_on_drill_tool(segment, 0.0)[0] >= -WEAKEST_PULL - 1e-9 * weight
+        assert force_from_tip(load_of(segment, True), segment, 0.0).value >= (
+            -WEAKEST_PULL - 1e-9 * weight
+        )

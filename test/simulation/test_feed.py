@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from silent_drill import SilentDrill
 from support import examples, refusal
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
+from rpud_sim.drilling.inputs import NO_PULSES, Pulses
 from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.simulation import (
     Drive,
@@ -117,13 +119,17 @@ def test_the_bit_cuts_with_the_force_that_the_impacts_give_the_rock(weight):
     blocks = [simulation.advance_to(SECOND + (n + 1) * SECOND // 100) for n in range(1600)]
     force = sum(block.impacts["impulse"].sum() for block in blocks) / 16.0
     torque = sum(block.process.rotation.torque for block in blocks) / 1600.0
+    impacts = np.concatenate([block.impacts for block in blocks])
+    pulses = Pulses(
+        len(impacts) / 16.0, impacts["impulse"].mean(), impacts["contact_duration"].mean()
+    )
     bit, layer = BitParameters(), preset_layer("sandstone")
 
-    def torque_under(force):
-        done = cut(bit, layer, radius_of(2e-5), force, bit.bit_wear_flat)
+    def torque_under(force, pulses=NO_PULSES):
+        done = cut(bit, layer, radius_of(2e-5), force, bit.bit_wear_flat, 1.0, pulses)
         return done.cutting_torque + done.friction_torque
 
-    assert torque == pytest.approx(torque_under(force), rel=0.02)
+    assert torque == pytest.approx(torque_under(force, pulses), rel=0.02)
     assert torque > (1.03 if weight == 40.0 else 1.3) * torque_under(weight)
 
 
