@@ -70,7 +70,8 @@ def test_a_reset_begins_again_with_the_same_or_another_seed():
 
 def test_lost_commands_make_it_safe():
     drill = rpud_sim.Drill(command_timeout=0.05, command_loss_ramp=0.05)
-    drill.step(0.2)
+    with pytest.warns(UserWarning, match=r"no command for 0\.05 s: the drill is put into the safe"):
+        drill.step(0.2)
     assert drill.status.commands_lost
     assert drill.status.weight_on_bit == 0.0
     drill.press(9)
@@ -98,7 +99,8 @@ def test_a_drive_that_is_switched_on_again_has_its_last_commanded_voltage():
     drill.drive(False)
     drill.drive()
     assert drill.status.drive_voltage == 120.0
-    drill.step(0.2)
+    with pytest.warns(UserWarning, match="no command"):
+        drill.step(0.2)
     assert (drill.status.commands_lost, drill.status.drive_enabled) == (True, False)
     assert drill.status.drive_voltage == 120.0
     drill.drive()
