@@ -16,7 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from press import JAM, JOINTS, STEP, Answer, Arm, fly
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from rpud_msgs.msg import Borehole, Fault, MountMotion, ReactingForce
+from rpud_msgs.msg import Borehole, Fault, Mount, MountMotion, ReactingForce
 from rpud_msgs.srv import InjectFault
 from sensor_msgs.msg import JointState
 
@@ -35,15 +35,21 @@ class ArmNode(Node):
         self._motion = self.create_publisher(MountMotion, "command/mount", 10)
         self._joints = self.create_publisher(JointState, "arm/joint_states", 10)
         self._inject = self.create_client(InjectFault, "inject_fault")
-        answers = {"wrench": WrenchStamped, "reacting_force": ReactingForce, "borehole": Borehole}
-        for topic, kind in answers.items():
+        self._answers = {
+            "wrench": WrenchStamped,
+            "reacting_force": ReactingForce,
+            "borehole": Borehole,
+            "mount": Mount,
+        }
+        for topic, kind in self._answers.items():
             self.create_subscription(kind, topic, lambda m, t=topic: self._take(t, m), 1000)
 
     def _take(self, topic: str, message: object) -> None:
         self._latest[topic] = message
 
     def _answered(self, time: Time) -> bool:
-        return len(self._latest) == 3 and all(m.header.stamp == time for m in self._latest.values())
+        latest = self._latest.values()
+        return len(latest) == len(self._answers) and all(m.header.stamp == time for m in latest)
 
     def exchange(self, place: float, rate: float) -> Answer:
         """Give the drill the motion of its mount, and return what it says a step later."""
@@ -58,10 +64,11 @@ class ArmNode(Node):
         self.tick()
         while not self._answered(self._now()):
             rclpy.spin_once(self)
-        wrench, force, hole = (self._latest[n] for n in ("wrench", "reacting_force", "borehole"))
+        wrench, force, hole, mount = (self._latest[name] for name in self._answers)
         torque = wrench.wrench.torque.z
         time = (self._steps - START) * STEP
-        return Answer(time, -wrench.wrench.force.z, torque, force.impacts, hole.depth)
+        impedance = mount.stiffness, mount.damping
+        return Answer(time, -wrench.wrench.force.z, torque, force.impacts, hole.depth, *impedance)
 
     def connect(self) -> None:
         """Let time pass until the drill answers."""

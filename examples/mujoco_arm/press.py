@@ -45,6 +45,7 @@ class Arm:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = -0.45, 0.9, 0.4, 0.72  # the mount is above the rock, and looks down
         self.torques = np.zeros(4)  # of the joints [N m]
+        self._ahead = 0.0  # part of the force on the mount that was taken before it came [N]
         self._jacobian, self._turning = np.zeros((3, 4)), np.zeros((3, 4))
         self._look()
         self._x = float(self._site.xpos[0])  # that it keeps [m]
@@ -65,8 +66,12 @@ class Arm:
         """Rate of this place, toward the rock [m/s]."""
         return -float(self._jacobian[2] @ self.data.qvel)
 
-    def step(self, weight: float, force: float, torque: float) -> None:
-        """Press with a weight [N], under force [N] and torque [N m] of the drill on the mount."""
+    def step(self, weight: float, answer: Answer) -> None:
+        """Press with a weight [N], under force and torque of the drill on the mount.
+
+        Within the step the force follows the mount by the drill's stiffness and damping. What was
+        taken ahead so is taken off in the next step, whose force has it: no momentum is lost.
+        """
         place, jacobian, turning = self._site, self._jacobian, self._turning
         speed, rate = jacobian @ self.data.qvel, turning @ self.data.qvel
         pitch = np.arctan2(-place.xmat[6], place.xmat[0]) - np.pi / 2  # off the drill axis [rad]
@@ -75,7 +80,15 @@ class Arm:
         turn = np.array([0.0, -80.0 * pitch - 8.0 * rate[1], 0.0])
         self.torques = self.data.qfrc_bias + push @ jacobian + turn @ turning
         self.torques -= 0.5 * self.data.qvel
-        self.data.qfrc_applied[:] = self.torques + force * jacobian[2] - torque * turning[2]
+        axis, step = -jacobian[2], self.model.opt.timestep
+        applied = self.torques - answer.torque * turning[2]
+        applied -= (answer.reacting_force - self._ahead) * axis
+        smooth = self.data.qfrc_passive - self.data.qfrc_bias + applied
+        moved = np.zeros((2, 4))  # accelerations under all forces, and under one along the axis
+        mujoco.mj_solveM(self.model, self.data, moved, np.array([smooth, axis]))
+        follows = (answer.damping + answer.stiffness * step) * step
+        self._ahead = follows * (axis @ moved[0]) / (1.0 + follows * (axis @ moved[1]))
+        self.data.qfrc_applied[:] = applied - self._ahead * axis
         mujoco.mj_step2(self.model, self.data)
         self._look()
 
@@ -88,6 +101,8 @@ class Answer(NamedTuple):
     torque: float  # on the mount, about the axis toward the rock [N m]
     impacts: int  # on the drill tool so far
     depth: float  # of the hole [m]
+    stiffness: float  # of the drill at its mount [N/m]
+    damping: float  # of the drill at its mount [N s/m]
 
 
 # Takes place [m] and rate [m/s] of the mount at the beginning of a step.
@@ -103,7 +118,8 @@ def drill_here(start: float, step: float = STEP, jam: float = JAM) -> Exchange:
             drill.inject("free_mass_jammed")
         drill.move(place, rate)
         now, status = drill.step(step), drill.status
-        return Answer(now, drill.reacting_force, drill.torque, status.impacts, status.depth)
+        loads = drill.reacting_force, drill.torque
+        return Answer(now, *loads, status.impacts, status.depth, *drill.mount_impedance)
 
     return exchange
 
@@ -121,7 +137,7 @@ def fly(arm: Arm, exchange: Exchange, duration: float = 20.0) -> dict[str, np.nd
         last = answer.impacts
         if answer.time - struck > SILENCE:  # it lets go, and waits above the rock
             weight = max(RETREAT, HOLD * (ABOVE - place))
-        arm.step(weight, answer.reacting_force, answer.torque)
+        arm.step(weight, answer)
         rows.append((*answer, arm.place, waited, *arm.data.qpos, *arm.torques))
     names = (*Answer._fields, "place", "waited", *(f"{name}_angle" for name in JOINTS), *JOINTS)
     return dict(zip(names, np.array(rows).T, strict=True))

