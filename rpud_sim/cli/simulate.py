@@ -69,8 +69,12 @@ def _simulate(options: Any) -> dict[str, Any]:
     from rpud_sim.simulation.ensemble import compile_kernels, phases_of, run_ensemble
     from rpud_sim.simulation.plan import Beginning, Plan
     from rpud_sim.simulation.scenario_file import read_commands
+    from rpud_sim.simulation.unused_parameters import doubts
 
-    beginning = Beginning.drawn(to_settings(parameter_values(options)), options.seed)
+    values = parameter_values(options)
+    beginning = Beginning.drawn(to_settings(values), options.seed)
+    for line in doubts(values, beginning.settings):
+        _show(line)
     planned = read_commands(options.commands).changes if options.commands else ()
     plan = Plan(beginning, planned)
     settings = beginning.settings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import warnings
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
@@ -24,7 +25,7 @@ from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of, serialized
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
 from rpud_sim.scripting.plots import plot_run
-from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.block import Block, first_sample
 from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
@@ -35,6 +36,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample
 from rpud_sim.simulation.scenario_file import read_commands, read_scenario, scenario_at
 from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.unused_parameters import doubts
 
 if TYPE_CHECKING:
     import pandas
@@ -108,6 +110,8 @@ def beginning_of(
     if faults is not None:
         values["scenario"] = ""  # they replace it
     beginning = Beginning.drawn(to_settings(values), seed)
+    for line in doubts(parameters, beginning.settings):
+        warnings.warn(line, stacklevel=3)
     if faults is None:
         return beginning
     injected = _changes(faults, beginning.settings.seed_or_none)
@@ -209,14 +213,15 @@ class DrillRun:
     def waveform(self, rate: int, start: float = 0.0, duration: float | None = None) -> Columns:
         """Return every channel at any whole rate [Hz], exactly, with the times [s].
 
-        ``start`` and ``duration`` choose a part [s]; a sample of 12 channels takes 96 bytes.
+        ``start`` and ``duration`` choose a part [s]: samples are from start on and before its end,
+        so parts that follow each other have each sample once. One of 12 channels takes 96 bytes.
         """
         rate = int(_RATE.check("rate", rate))
         begin, end = round(SECONDS.check("start", start) * SECOND), self._end
         if duration is not None:
             end = min(begin + round(SECONDS.check("duration", duration) * SECOND), end)
-        first = -(-begin * rate // SECOND)
-        count = max(0, end * rate // SECOND + 1 - first)
+        first = first_sample(begin, rate)
+        count = max(0, first_sample(end, rate) - first)
         times = Times.from_grid(first, count, rate)
         samples = sample(self._segments, times) if count else None
         values = {n: np.empty(0) if samples is None else getattr(samples, n) for n in CHANNELS}

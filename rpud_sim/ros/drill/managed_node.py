@@ -47,6 +47,7 @@ from rpud_sim.simulation.configuration import (
     parse_assignment,
     to_settings,
 )
+from rpud_sim.simulation.unused_parameters import doubts
 
 Managed = TypeVar("Managed", bound="ManagedNode")
 Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
@@ -270,6 +271,8 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
         if name in PARAMETERS and owner in ("", node.get_name(), node.get_fully_qualified_name()):
             values.update([parse_assignment(f"{name}={text}")])
     settings = to_settings(values)
+    for line in doubts(values, settings):
+        node.get_logger().warning(line)
     for declaration in PARAMETERS.values():
         value = settings.value(declaration.name)
         if isinstance(declaration.allowed, Quantity):
