@@ -11,10 +11,10 @@ from typing import Any
 import rpud_sim.bag
 from rpud_sim.bag import BagExistsError
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import drill_bag, kept_topics, new_manifest, reported
 from rpud_sim.recorded.runs import RecordedRun, run_of
-from rpud_sim.simulation.batch import Batch, rows_of
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import (
     Change,

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import FieldReader, Kind, columns_of
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import FieldReader, Kind, columns_of
+from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.recorded import RecordingError
 from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.topics import PROVED, TOPICS

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
     PROGRESS,
@@ -34,7 +34,6 @@ from rpud_sim.recorded.journal import (
     wrong_header,
 )
 from rpud_sim.recorded.output import Damages
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import ChangeError
 from rpud_sim.simulation.plan import JournalEntry, Plan
@@ -163,7 +162,7 @@ class RecordedRun:
         """Return whether messages belong to the run, by their publishing times [ns], (n,)."""
         return within(publish_times, self.window)
 
-    def of(self, batches: Iterable[SerializedBatch]) -> Iterator[SerializedBatch]:
+    def of(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the messages of the run among those of a bag; each batch has one origin."""
         for batch in batches:
             own = batch.part(self.holds(batch.publish_times))
@@ -185,9 +184,7 @@ class RecordedRun:
             raise RecordingError(f"{self.journal}: {error}") from error
 
 
-def by_run(
-    runs: Sequence[RecordedRun], batches: Iterable[SerializedBatch]
-) -> Iterator[SerializedBatch]:
+def by_run(runs: Sequence[RecordedRun], batches: Iterable[Batch]) -> Iterator[Batch]:
     """Yield batches, each of one run with its number; 0 is before the first of the runs."""
     edges = np.array([run.window[0] for run in runs])
     for batch in batches:
@@ -195,7 +192,7 @@ def by_run(
             yield replace(part, run=run)
 
 
-def _parts(batch: SerializedBatch, values: np.ndarray) -> Iterator[tuple[int, SerializedBatch]]:
+def _parts(batch: Batch, values: np.ndarray) -> Iterator[tuple[int, Batch]]:
     """Yield the parts of a batch whose messages have one value, and that."""
     cuts = np.flatnonzero(np.diff(values)) + 1
     for first, last in pairwise([0, *cuts.tolist(), len(batch)]):

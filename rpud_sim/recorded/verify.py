@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_type_hash
 from rpud_sim.model.engine import EngineError
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
@@ -26,7 +26,6 @@ from rpud_sim.recorded.journal import (
     recorded_progress,
     wrong_header,
 )
-from rpud_sim.recorded.offline_bag import encoded
 from rpud_sim.recorded.runs import RecordedRun, by_run, runs_of
 from rpud_sim.recorded.streams import (
     Head,
@@ -209,7 +208,7 @@ class _Proof:
             raise UnverifiableError(str(error)) from error
         return proofs
 
-    def _computed(self, topics: Collection[str]) -> Iterator[SerializedBatch]:
+    def _computed(self, topics: Collection[str]) -> Iterator[Batch]:
         """Compute the messages of all runs."""
         prefix = self._runs[0].prefix
         names = {topic.removeprefix(prefix) for topic in topics}
@@ -218,9 +217,9 @@ class _Proof:
             # A block may end later.
             end = run.end if run.closed or run.torn else run.end + _TAIL
             for batch in run.computed(end, names):
-                block = encoded(batch, self._codecs[batch.topic], prefix, run.origin)
-                yield replace(block, run=run.number)
-                time = int(batch.times[-1])
+                block = batch.serialized(self._codecs[batch.topic])
+                yield replace(block, topic=prefix + batch.topic, run=run.number)
+                time = int(batch.publish_times[-1])
                 if time - counted >= SECOND:
                     self._count(time - counted)
                     counted = time
@@ -345,8 +344,9 @@ class _TopicProof:
 
     def _is_after_the_end(self, computed: Head) -> bool:
         """Count a computed message after the last recorded one; whether the recording had ended."""
-        time = computed.log_time  # at the end of its block
-        if time > self._runs[computed.run - 1].reached:
+        run = self._runs[computed.run - 1]
+        time = computed.publish_time + run.origin  # at the end of its block
+        if time > run.reached:
             return True
         if self._matched or (computed.run, time) > self._complete_from:
             # Skipped ones lie before an unexpected message here, so they are missing at the end.

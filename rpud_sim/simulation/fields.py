@@ -24,13 +24,14 @@ from rpud_sim.drilling.mount import FEED_MODES, Feed, MountMotion
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.batch import Fields
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.faults import FaultLedger, FaultRecord
 from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.sampling import SEGMENT_ARRAYS, Samples
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.topics import TOPICS, Fields
+from rpud_sim.simulation.topics import TOPICS
 
 # Joints of urdf/rpud.urdf, each of which moves one body along the drill axis: channels of its
 # position, velocity and effort; None for zero.

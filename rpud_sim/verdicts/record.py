@@ -11,9 +11,9 @@ import numpy as np
 
 from rpud_sim.bag import Column, TopicSummary
 from rpud_sim.bag import open as open_bag
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import listed, suggestion
+from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
@@ -106,7 +106,7 @@ class Record:
         self._count += 1
         self._kept.clear()
 
-    def add_serialized(self, topic: str, messages: SerializedBatch) -> None:
+    def add_serialized(self, topic: str, messages: Batch) -> None:
         """Add serialized messages of a topic of the drill."""
         topic = self._relative(topic)
         table = drill_table(TYPES[topic])

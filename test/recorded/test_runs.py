@@ -9,7 +9,7 @@ from forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.columns import to_plain
+from rpud_sim.messages.columns import to_plain
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.fork import write_fork
 from rpud_sim.recorded.journal import UnverifiableError, installed_codec

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
+from rpud_sim.messages.batch import rows_of, spans
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.simulation import Parameters, fields
-from rpud_sim.simulation.batch import rows_of, spans
 from rpud_sim.simulation.block import boundary
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, SetOrigin
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpud_sim.bag.definition_text import PRIMITIVES, TYPE_NAME, long_name
-from rpud_sim.bag.errors import DefinitionNotFoundError
+from rpud_sim.messages.definition_text import PRIMITIVES, TYPE_NAME, long_name
+from rpud_sim.messages.errors import DefinitionNotFoundError
 
 if TYPE_CHECKING:
     from mcap.records import Schema
@@ -79,7 +79,7 @@ def find_type_hash(type_name: str) -> str:
     try:
         description = _read(type_name, places, ".json")
     except DefinitionNotFoundError:
-        from rpud_sim.bag.cdr import Codec
+        from rpud_sim.messages.cdr import Codec
 
         return Codec(type_name, find_definition(type_name)).type_hash
     try:
