@@ -315,8 +315,8 @@ def status_fields(simulation: Simulation, origin: int, state: str, counts: Comma
 
 def fault_fields(record: FaultRecord, origin: int) -> Fields:
     return {
+        "number": record.number,  # in the order of the definition, as columns show it
         **vars(record.fault),
-        "number": record.number,
         "active": record.clear is None,
         "onset": time_fields(origin + record.onset),
         "clear": time_fields(0 if record.clear is None else origin + record.clear),

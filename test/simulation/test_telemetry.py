@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.messages.batch import rows_of, spans
+from rpud_sim.messages.batch import groups, rows_of
 from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.definitions import find_definition
 from rpud_sim.simulation import Parameters, fields
@@ -276,7 +276,7 @@ def together(values, *times):
     """Give what a run without changes gives up to each time: the batches of each span."""
     run = Run(Plan(Beginning(to_settings(values))), Journal())
     run.begin(ORIGIN)
-    return [[each for each in spans(run.advance_to(time)) if each[0].span] for time in times]
+    return [[each for each in groups(run.advance_to(time)) if each[0].group] for time in times]
 
 
 @pytest.mark.parametrize("model", ["gain", "resonance"])
