@@ -24,8 +24,7 @@ from rpud_sim.bag.metadata import (
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch, groups
-from rpud_sim.messages.definitions import find_definition, find_type_hash
-from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.messages.definitions import find_definition, find_type_hash, installed_codec
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.plan import Journal, Plan

@@ -13,7 +13,7 @@ from rpud_msgs.msg import Status
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
-from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.changes import Change, action_of

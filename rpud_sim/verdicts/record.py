@@ -106,12 +106,12 @@ class Record:
         self._count += 1
         self._kept.clear()
 
-    def add_serialized(self, topic: str, messages: Batch) -> None:
-        """Add serialized messages of a topic of the drill."""
-        topic = self._relative(topic)
+    def add_batch(self, batch: Batch) -> None:
+        """Add messages of a topic of the drill, as columns or as bytes."""
+        topic = self._relative(batch.topic)
         table = drill_table(TYPES[topic])
         self._columns[topic] = table.columns
-        self._add_columns(topic, table.batch(messages).columns)
+        self._add_columns(topic, table.batch(batch).columns)
         self._kept.clear()
 
     def add_losses(self, topic: str, count: int) -> None:

@@ -15,9 +15,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.messages.batch import Batch
-from rpud_sim.messages.definitions import find_definition
+from rpud_sim.messages.definitions import find_definition, installed_codec
 from rpud_sim.recorded import offline_bag
-from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.plan import Beginning, Plan

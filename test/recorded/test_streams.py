@@ -10,8 +10,8 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded import streams
-from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.streams import (
     Matched,
     StreamHead,
