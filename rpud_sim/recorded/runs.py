@@ -176,7 +176,7 @@ class RecordedRun:
                     yield replace(part, run=self.number, origin=origin)
 
     def computed(self, until: int, wanted: Collection[str]) -> Iterator[Batch]:
-        """Compute the messages of topics up to a simulation time [ns]; the origin is as recorded.
+        """Compute the messages of topics up to a simulation time [ns]; stamps are as recorded.
 
         A change that cannot be carried out raises a RecordingError.
         """
@@ -184,7 +184,7 @@ class RecordedRun:
         try:
             for batch in run.advance_to(until):
                 if batch.topic in wanted:
-                    yield batch
+                    yield replace(batch, run=self.number)
         except ChangeError as error:
             raise RecordingError(f"{self.journal}: {error}") from error
 

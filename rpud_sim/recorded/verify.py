@@ -219,7 +219,7 @@ class _Proof:
             end = run.end if run.ended else run.end + _TAIL
             for batch in run.computed(end, names):
                 block = batch.serialized(self._codecs[batch.topic])
-                yield replace(block, topic=prefix + batch.topic, run=run.number)
+                yield replace(block, topic=prefix + batch.topic)
                 time = int(batch.publish_times[-1])
                 if time - counted >= SECOND:
                     self._count(time - counted)

@@ -222,9 +222,6 @@ class Record:
                 stamps = np.where(stamps == 0, columns["log_time"], stamps)
         else:
             stamps = columns["log_time"]
-        self._add_batch(topic, stamps, columns)
-
-    def _add_batch(self, topic: str, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
         batch = TopicBatch(stamps, columns["publish_time"], columns)
         self._batches.setdefault(topic, []).append(batch)
 
