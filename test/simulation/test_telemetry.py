@@ -282,7 +282,7 @@ def together(values, *times):
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
     [found] = together({"actuator_model": model}, 6 * SECOND)
-    assert [max(int(batch.times[-1]) for batch in span) for span in found] == [
+    assert [max(int(batch.publish_times[-1]) for batch in span) for span in found] == [
         4 * SECOND,
         6 * SECOND,
     ]
