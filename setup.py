@@ -65,7 +65,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         PACKAGE: ["py.typed"],
-        f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
+        f"{PACKAGE}.messages": ["share/*/msg/*.msg"],
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
         f"{PACKAGE}.pages": ["share/*.css"],
         f"{PACKAGE}.viewer": ["share/*", "share/vendor/*"],

@@ -16,8 +16,8 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
+from rpud_sim.messages.batch import rows_of
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.simulation.batch import rows_of
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run

@@ -14,15 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rpud_sim.bag.batches import Message, SerializedBatch
-    from rpud_sim.bag.columns import Column, Kind
-    from rpud_sim.bag.errors import (
-        BagError,
-        BagExistsError,
-        BagFormatError,
-        BagNotFoundError,
-        BagWarning,
-    )
     from rpud_sim.bag.mcap_reader import BagChunk
     from rpud_sim.bag.metadata import Losses, QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
@@ -30,6 +21,15 @@ if TYPE_CHECKING:
     from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
     from rpud_sim.bag.tables import RowTable
     from rpud_sim.bag.writer import BagWriter, whole_bag
+    from rpud_sim.messages.batch import Batch, Message
+    from rpud_sim.messages.columns import Column, Kind
+    from rpud_sim.messages.errors import (
+        BagError,
+        BagExistsError,
+        BagFormatError,
+        BagNotFoundError,
+        BagWarning,
+    )
 
 __all__ = [
     "BagChunk",
@@ -40,6 +40,7 @@ __all__ = [
     "BagReader",
     "BagWarning",
     "BagWriter",
+    "Batch",
     "Column",
     "Kind",
     "Losses",
@@ -47,7 +48,6 @@ __all__ = [
     "QosProfile",
     "Recovery",
     "RowTable",
-    "SerializedBatch",
     "Topic",
     "TopicRecovery",
     "TopicSummary",
@@ -59,16 +59,22 @@ __all__ = [
 # Loaded at first use. A drill that records nothing uses this package too, and must run where the
 # libraries of bags are missing.
 _MODULES = {
-    "columns": ("Column", "Kind"),
-    "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError", "BagWarning"),
-    "batches": ("Message", "SerializedBatch"),
-    "metadata": ("Losses", "QosProfile", "Topic", "TopicSummary"),
-    "mcap_reader": ("BagChunk",),
-    "reader": ("BagReader",),
-    "recovery": ("recover",),
-    "recovery_account": ("Recovery", "TopicRecovery"),
-    "tables": ("RowTable",),
-    "writer": ("BagWriter", "whole_bag"),
+    "messages.batch": ("Batch", "Message"),
+    "messages.columns": ("Column", "Kind"),
+    "messages.errors": (
+        "BagError",
+        "BagExistsError",
+        "BagFormatError",
+        "BagNotFoundError",
+        "BagWarning",
+    ),
+    "bag.metadata": ("Losses", "QosProfile", "Topic", "TopicSummary"),
+    "bag.mcap_reader": ("BagChunk",),
+    "bag.reader": ("BagReader",),
+    "bag.recovery": ("recover",),
+    "bag.recovery_account": ("Recovery", "TopicRecovery"),
+    "bag.tables": ("RowTable",),
+    "bag.writer": ("BagWriter", "whole_bag"),
 }
 
 
@@ -76,7 +82,7 @@ def __getattr__(name: str) -> Any:
     """Return a public name, and keep it."""
     for module, names in _MODULES.items():
         if name in names:
-            return globals().setdefault(name, getattr(import_module(f"{__name__}.{module}"), name))
+            return globals().setdefault(name, getattr(import_module(f"rpud_sim.{module}"), name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

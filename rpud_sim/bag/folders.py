@@ -10,10 +10,10 @@ from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, OtherStorageError
 from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.metadata import FILE_NAME, ReadMetadata, local_name, read_document
 from rpud_sim.bag.records import reading
+from rpud_sim.messages.errors import BagFormatError, BagNotFoundError, OtherStorageError
 
 _UNPACK = "unpack it first: "
 # First bytes of files that are no MCAP: what they are, and what makes a bag of them. ``{}`` is the

@@ -25,7 +25,6 @@ from mcap.records import (
     Statistics,
 )
 
-from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.limits import RECORD_LIMIT, TOPICS_LIMIT
 from rpud_sim.bag.records import (
     HEAD,
@@ -39,6 +38,7 @@ from rpud_sim.bag.records import (
     uncompressed,
 )
 from rpud_sim.foundation.terminal import in_words
+from rpud_sim.messages.errors import BagFormatError
 
 REMEDY = "rpud recover makes a whole bag of it"
 

@@ -11,9 +11,6 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rpud_sim.bag.batches import LATEST, SerializedBatch
-from rpud_sim.bag.definitions import definition_of, full_name
-from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.mcap_contents import REMEDY, ChunkPlace, contents_of, loose_places, spans_of
 from rpud_sim.bag.metadata import OFFERED_QOS_KEY, QosProfile, Topic, TopicSummary, load_offered_qos
 from rpud_sim.bag.records import (
@@ -26,6 +23,9 @@ from rpud_sim.bag.records import (
     split_records,
     uncompressed,
 )
+from rpud_sim.messages.batch import LATEST, Batch
+from rpud_sim.messages.definitions import definition_of, full_name
+from rpud_sim.messages.errors import BagError, BagFormatError
 
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
@@ -60,7 +60,7 @@ class BagChunk:
             return frozenset(self.file.topic_channels)
         return frozenset(channels[each].topic for each in self.place.indexes if each in channels)
 
-    def batches(self, topics: Collection[str] | None = None) -> list[SerializedBatch]:
+    def batches(self, topics: Collection[str] | None = None) -> list[Batch]:
         """Return the messages of topics, a batch for each in the order of log times; None for all.
 
         A damaged chunk is a BagFormatError.
@@ -161,7 +161,7 @@ class McapFile:
             return contents.loose
         return loose_places(self._file, contents.chunks)
 
-    def batches(self, place: ChunkPlace, topics: Collection[str] | None) -> list[SerializedBatch]:
+    def batches(self, place: ChunkPlace, topics: Collection[str] | None) -> list[Batch]:
         """Return the messages of a chunk, a batch for each topic in the order of log times."""
         wanted = {
             number: channel.topic
@@ -267,7 +267,7 @@ def _batches_in(
     heads: np.ndarray,
     topics: dict[int, str],
     declared: Container[int],
-) -> list[SerializedBatch]:
+) -> list[Batch]:
     """Return the messages among records, a batch for each topic in the order of log times.
 
     ``topics`` has the names of the channels to read, by their numbers. A message of a channel that
@@ -295,6 +295,14 @@ def _batches_in(
                 "makes a bag without it"
             )
         sizes = heads["length"][rows].astype(np.int64) - MESSAGE.size
-        times = logs.astype(np.int64), sent.astype(np.int64)
-        batches.append(SerializedBatch(name, *times, data, places[rows] + HEAD.itemsize, sizes))
+        batches.append(
+            Batch(
+                name,
+                sent.astype(np.int64),
+                log_times=logs.astype(np.int64),
+                data=data,
+                starts=places[rows] + HEAD.itemsize,
+                sizes=sizes,
+            )
+        )
     return batches

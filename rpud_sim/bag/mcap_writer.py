@@ -34,10 +34,11 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from rpud_sim.bag.batches import SerializedBatch, items
-from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.metadata import FileInformation, stored_name
 from rpud_sim.bag.records import ENTRY, HEAD, INDEX, MAGIC, MESSAGE, RECORD
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.encoder import items
+from rpud_sim.messages.errors import BagError
 
 # Names of the compressions in MCAP, by those in options.
 COMPRESSIONS = {"none": "", "zstd": "zstd"}
@@ -275,28 +276,31 @@ class MessageRecords:
     log_times: np.ndarray  # of each [ns], shape (n,)
 
 
-def interleaved(batches: Sequence[tuple[int, SerializedBatch, np.ndarray]]) -> MessageRecords:
-    """Return the records of batches in one order.
+def interleaved(batches: Sequence[tuple[int, Batch]]) -> MessageRecords:
+    """Return the records of batches, each with its channel, in the order of their group.
 
-    Each batch comes with its channel, and with the place of each message among those of all
-    batches. Messages of equal place follow each other as the batches do.
+    Messages of equal places in it, and those of no group, follow each other as the batches do.
     """
-    order = np.argsort(np.concatenate([places for _, _, places in batches]), kind="stable")
-    sizes = np.concatenate([batch.sizes for _, batch, _ in batches])[order] + HEAD.itemsize
+    places = [
+        np.full(len(batch), number) if batch.order is None else batch.order
+        for number, (_, batch) in enumerate(batches)
+    ]
+    order = np.argsort(np.concatenate(places), kind="stable")
+    sizes = np.concatenate([batch.sizes for _, batch in batches])[order] + HEAD.itemsize
     ends = np.cumsum(sizes)
     begins = np.empty_like(ends)
     begins[order] = ends - sizes
     data = np.empty(int(ends[-1]), np.uint8)
     first = 0
-    for channel, batch, _ in batches:
+    for channel, batch in batches:
         _place(data, begins[first : first + len(batch)], channel, batch)
         first += len(batch)
-    channels = np.concatenate([np.full(len(batch), channel) for channel, batch, _ in batches])
-    log_times = np.concatenate([batch.log_times for _, batch, _ in batches])
+    channels = np.concatenate([np.full(len(batch), channel) for channel, batch in batches])
+    log_times = np.concatenate([batch.log_times for _, batch in batches])
     return MessageRecords(data, ends, channels[order], log_times[order])
 
 
-def _place(data: np.ndarray, begins: np.ndarray, channel: int, batch: SerializedBatch) -> None:
+def _place(data: np.ndarray, begins: np.ndarray, channel: int, batch: Batch) -> None:
     heads = _heads(channel, batch.sizes, batch.log_times, batch.publish_times)
     items(data, f"V{HEAD.itemsize}")[begins] = heads.view(f"V{HEAD.itemsize}")
     size = int(batch.sizes[0])

@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from rpud_sim.bag.definition_text import structure_of
-from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
 from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.definition_text import structure_of
+from rpud_sim.messages.errors import MALFORMED, BagFormatError, parsing
 
 FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"

@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 
-from rpud_sim.bag.batches import (
-    Message,
-    SerializedBatch,
-    messages_of,
-    ordered_by_topic,
-)
-from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, BagWarning
 from rpud_sim.bag.folders import storage_files
 from rpud_sim.bag.limits import OVERLAP_LIMIT
 from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.mcap_reader import BagChunk, McapFile
 from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, TopicSummary, losses_from_record
+from rpud_sim.messages.batch import (
+    Batch,
+    Message,
+    messages_of,
+    ordered_by_topic,
+)
+from rpud_sim.messages.errors import BagFormatError, BagNotFoundError, BagWarning
 
 if TYPE_CHECKING:
     import pandas
 
-    from rpud_sim.bag.columns import Column
     from rpud_sim.bag.tables import RowTable, Tables
+    from rpud_sim.messages.columns import Column
 
 
 class BagReader:
@@ -148,7 +148,7 @@ class BagReader:
         topics: Collection[str] | None = None,
         start: int = 0,
         duration: int | None = None,
-    ) -> Iterator[SerializedBatch]:
+    ) -> Iterator[Batch]:
         """Yield the messages of ``messages`` in batches of one topic, in bounded memory.
 
         Within a topic they have the same order; between topics only the chunks do. A batch is a
@@ -159,7 +159,7 @@ class BagReader:
 
     def _due(
         self, topics: Collection[str] | None, start: int, duration: int | None
-    ) -> Iterator[list[SerializedBatch]]:
+    ) -> Iterator[list[Batch]]:
         begin = start + self.start_time
         end = None if duration is None else begin + duration
         # A whole bag has all messages, whatever times its statistics say.
@@ -274,7 +274,7 @@ def _due_batches(
     topics: Collection[str] | None = None,
     start: int = 0,
     end: int | None = None,
-) -> Iterator[list[SerializedBatch]]:
+) -> Iterator[list[Batch]]:
     """Yield the batches that are due before each chunk, and the rest at the end.
 
     No later one has an earlier message. A chunk is read when none before it holds earlier ones.
@@ -288,7 +288,7 @@ def _due_batches(
         and (end is None or chunk.start_time < end)
         and (topics is None or not chunk.topics.isdisjoint(topics))
     ]
-    waiting: list[SerializedBatch] = []
+    waiting: list[Batch] = []
     opened: list[tuple[int, int]] = []  # last time and size of chunks
     reached = -1  # log time of the last message so far
     for chunk in sorted(chosen, key=lambda chunk: chunk.start_time):
@@ -318,9 +318,7 @@ def _due_batches(
     yield waiting
 
 
-def _parted(
-    waiting: Iterable[SerializedBatch], until: int
-) -> tuple[list[SerializedBatch], list[SerializedBatch]]:
+def _parted(waiting: Iterable[Batch], until: int) -> tuple[list[Batch], list[Batch]]:
     """Return what is due up to a time [ns], which no later chunk precedes, and the rest."""
     due, rest = [], []
     for batch in waiting:

@@ -24,10 +24,10 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 
-from rpud_sim.bag.batches import items
-from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
 from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.foundation.terminal import in_words
+from rpud_sim.messages.encoder import items
+from rpud_sim.messages.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content

@@ -18,14 +18,6 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rpud_sim.bag.batches import LATEST, gathered, items
-from rpud_sim.bag.errors import (
-    BagError,
-    BagFormatError,
-    BagNotFoundError,
-    BagWarning,
-    OtherStorageError,
-)
 from rpud_sim.bag.folders import BagFiles, mcap_files, storage_files, without_copies
 from rpud_sim.bag.mcap_contents import check_declared, summary_of
 from rpud_sim.bag.mcap_writer import MessageRecords
@@ -58,6 +50,15 @@ from rpud_sim.bag.records import (
 from rpud_sim.bag.recovery_account import Recovery
 from rpud_sim.bag.writer import BagWriter, whole_bag
 from rpud_sim.foundation.json_text import json_text
+from rpud_sim.messages.batch import LATEST
+from rpud_sim.messages.encoder import gathered, items
+from rpud_sim.messages.errors import (
+    BagError,
+    BagFormatError,
+    BagNotFoundError,
+    BagWarning,
+    OtherStorageError,
+)
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpud_sim.bag.batches import SerializedBatch, joined
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import RECEIVED, Column, FieldReader, Kind, columns_of, objects
-from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.quantities import did_you_mean, listed, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.batch import Batch, joined
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import RECEIVED, Column, FieldReader, Kind, columns_of, objects
+from rpud_sim.messages.errors import BagError, BagFormatError
 
 if TYPE_CHECKING:
     import pandas
@@ -82,7 +82,7 @@ class Table:
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._has_rows else columns
 
-    def parts(self, batch: SerializedBatch, limit: int) -> Iterator[tuple[SerializedBatch, int]]:
+    def parts(self, batch: Batch, limit: int) -> Iterator[tuple[Batch, int]]:
         """Yield a batch in parts of a size, with their sizes; what fills less than two is whole."""
         sizes = self.codec.shape.most(batch.sizes)
         ends = np.cumsum(sizes)
@@ -93,9 +93,7 @@ class Table:
         for start, end in pairwise(np.unique([0, *cuts, len(batch)]).tolist()):
             yield batch.part(slice(start, end)), int(sizes[start:end].sum())
 
-    def batch(
-        self, batch: SerializedBatch, leave_out: Callable[[str], object] | None = None
-    ) -> RowTable:
+    def batch(self, batch: Batch, leave_out: Callable[[str], object] | None = None) -> RowTable:
         """Return the rows of messages.
 
         ``leave_out`` is called with the reason for each message that is not of the type, which is
@@ -124,12 +122,9 @@ class Table:
         return self.batch(batch.part(np.array(kept, np.intp)))
 
     def empty(self) -> RowTable:
-        none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
-        return self.batch(SerializedBatch(self._name, none, none, data, none, none))
+        return self.batch(Batch(self._name, np.empty(0, np.int64)))
 
-    def _batch(
-        self, batch: SerializedBatch, columns: Mapping[str, np.ndarray | Sequences]
-    ) -> RowTable:
+    def _batch(self, batch: Batch, columns: Mapping[str, np.ndarray | Sequences]) -> RowTable:
         received = {"log_time": batch.log_times, "publish_time": batch.publish_times}
         if self._has_rows:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
@@ -195,7 +190,7 @@ class Tables:
     def batches(
         self,
         tables: Mapping[str, Table],
-        batches: Iterable[SerializedBatch],
+        batches: Iterable[Batch],
         leave_out: Callable[[str, str], object] | None = None,
         limit: int | None = None,
     ) -> Iterator[RowTable]:
@@ -205,7 +200,7 @@ class Tables:
         topic's type, which is then skipped; None for an error. ``limit`` is the size of a batch.
         """
         limit = limit or BATCH_SIZE
-        waiting: dict[str, list[SerializedBatch]] = {name: [] for name in tables}
+        waiting: dict[str, list[Batch]] = {name: [] for name in tables}
         sizes = dict.fromkeys(tables, 0)  # of what waits
         total = 0
 
@@ -233,7 +228,7 @@ class Tables:
         yield from (decoded(name) for name in tables if waiting[name])
 
     def arrays(
-        self, tables: Mapping[str, Table], batches: Iterable[SerializedBatch]
+        self, tables: Mapping[str, Table], batches: Iterable[Batch]
     ) -> dict[str, dict[str, np.ndarray]]:
         """Return the columns of each topic, from all its messages."""
         parts = {name: [dict(table.empty().columns)] for name, table in tables.items()}

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from mcap.records import Schema
 
-from rpud_sim.bag.batches import LATEST, SerializedBatch
-from rpud_sim.bag.errors import BagError, BagExistsError
 from rpud_sim.bag.mcap_writer import (
     COMPRESSIONS,
     McapWriter,
@@ -36,6 +34,8 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.whole_folder import write_whole
+from rpud_sim.messages.batch import LATEST, Batch
+from rpud_sim.messages.errors import BagError, BagExistsError
 
 CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
 _MOST_CHANNELS = 2**16 - 1
@@ -144,31 +144,24 @@ class BagWriter:
         self._channel_of[topic.name] = number
         return number
 
-    def write_batches(
-        self, batches: Sequence[SerializedBatch], places: Sequence[np.ndarray] | None = None
-    ) -> None:
-        """Add the messages of batches.
+    def write_batches(self, batches: Sequence[Batch]) -> None:
+        """Add the serialized messages of batches: of one group, or else one behind the other.
 
-        ``places`` has the place of each message of a batch among those of all batches, int64; None
-        for one batch after the other. Messages of equal place follow each other as their batches
-        do. The file is the same as if they were written one by one in that order.
+        The file is the same as if they were written one by one in that order.
         """
-        if places is None:
-            places = [np.full(len(batch), number) for number, batch in enumerate(batches)]
-        pairs = zip(batches, places, strict=True)
-        found = [(self._channel(batch.topic), batch, place) for batch, place in pairs if len(batch)]
-        for _, batch, _ in found:
+        found = [(self._channel(batch.topic), batch) for batch in batches if len(batch)]
+        for _, batch in found:
             logs, sent = batch.log_times, batch.publish_times
             wrong = (logs < 0) | (logs > LATEST) | (sent < 0) | (sent > LATEST)
             for row in np.flatnonzero(wrong)[:1].tolist():
                 raise _time_error(batch.topic, int(logs[row]), int(sent[row]))
         if found:
             self._split_if_full(
-                sum(int(batch.sizes.sum()) for _, batch, _ in found),
-                min(int(batch.log_times.min()) for _, batch, _ in found),
+                sum(int(batch.sizes.sum()) for _, batch in found),
+                min(int(batch.log_times.min()) for _, batch in found),
             )
             self._opened.write(interleaved(found))
-        for _, batch, _ in found:
+        for _, batch in found:
             self._counts[batch.topic] += len(batch)
 
     def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.values import to_json
+from rpud_sim.messages.columns import Column, Kind
 from rpud_sim.recorded import RecordingError
 
 _SINGLE = (Kind.NUMBER, Kind.TIME, Kind.DURATION)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 
-from rpud_sim.bag import SerializedBatch, Topic, TopicSummary
-from rpud_sim.bag.batches import joined
-from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.tables import RowTable, Table
-from rpud_sim.recorded.journal import installed_codec
-from rpud_sim.recorded.offline_bag import encoded
-from rpud_sim.simulation.batch import Batch
+import numpy as np
+
+from rpud_sim.bag import Topic, TopicSummary
+from rpud_sim.bag.tables import Table
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.simulation.topics import TOPICS
 
 
@@ -29,12 +28,8 @@ def field_units() -> dict[str, dict[str, str]]:
     return {name: {c.name: c.unit for c in found if c.unit} for name, found in tables.items()}
 
 
-def serialized(batch: Batch) -> SerializedBatch:
-    """Return messages of the drill as a bag has them whose times are simulation time."""
-    return encoded(batch, installed_codec(TOPICS[batch.topic].type), "", 0)
-
-
-def rows_of(topic: str, batches: Iterable[SerializedBatch]) -> RowTable:
-    """Return the rows of a topic's messages, with their columns."""
-    table, found = drill_table(TOPICS[topic].type), list(batches)
-    return table.batch(joined(found)) if found else table.empty()
+def rows_of(topic: str, batches: Iterable[Batch]) -> dict[str, np.ndarray]:
+    """Return the columns of a topic's messages."""
+    table = drill_table(TOPICS[topic].type)
+    parts = [table.batch(batch).columns for batch in batches] or [table.empty().columns]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

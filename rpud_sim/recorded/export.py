@@ -15,10 +15,10 @@ from urllib.parse import quote
 
 import rpud_sim.bag
 from rpud_sim.bag import TopicSummary
-from rpud_sim.bag.columns import Column
 from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.columns import Column
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, new_folder
 

@@ -11,10 +11,10 @@ from typing import Any
 import rpud_sim.bag
 from rpud_sim.bag import BagExistsError
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import drill_bag, kept_topics, new_manifest, reported
 from rpud_sim.recorded.runs import RecordedRun, run_of
-from rpud_sim.simulation.batch import Batch, rows_of
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import (
     Change,
@@ -124,7 +124,7 @@ class Fork:
         """Return the simulation time at which it ends [ns]; without a duration, as recorded."""
         recorded, time = self.recorded, self.time
         end = recorded.end if duration is None else time + round(duration * SECOND)
-        if why := recorded.incomplete(None if duration is None else end):
+        if why := recorded.lacks(None if duration is None else end):
             raise RecordingError(f"{why}; give a --duration that ends before")
         if end <= time:
             at = f"--at = {time / SECOND:.9g} s"
@@ -277,7 +277,7 @@ def _check_instant(recorded: RecordedRun, time: int) -> None:
     if 0 <= time <= recorded.end:
         return
     end, at = recorded.end / SECOND, time / SECOND
-    if why := recorded.incomplete(time):
+    if why := recorded.lacks(time):
         raise RecordingError(f"--at = {at:.9g} s: {why}")
     which = f"run {recorded.number} of {recorded.runs} of the bag"
     raise RecordingError(f"--at = {at:.9g} s is outside {which}: [0, {end:.9g}] s")

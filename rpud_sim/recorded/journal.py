@@ -9,18 +9,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import FieldReader, Kind, columns_of
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import FieldReader, Kind, columns_of
+from rpud_sim.messages.definitions import find_type_hash, installed_codec
 from rpud_sim.recorded import RecordingError
 from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.topics import PROVED, TOPICS
@@ -44,12 +44,6 @@ class RecordedEntry(NamedTuple):
     frame: str  # of its header
     log_time: int  # [ns]
     publish_time: int  # [ns]
-
-
-@cache
-def installed_codec(type_name: str) -> Codec:
-    """Return the codec of a type as it is installed here; making one takes long."""
-    return Codec(type_name, find_definition(type_name))
 
 
 def held_journals(bag: BagReader) -> dict[str, TopicSummary]:

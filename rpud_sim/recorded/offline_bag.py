@@ -12,9 +12,6 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic, whole_bag
-from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.metadata import (
     LOSSES_RECORD,
     MANIFEST_RECORD,
@@ -26,8 +23,8 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.journal import installed_codec
-from rpud_sim.simulation.batch import Batch, spans
+from rpud_sim.messages.batch import Batch, groups
+from rpud_sim.messages.definitions import find_definition, find_type_hash, installed_codec
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.plan import Journal, Plan
@@ -108,29 +105,21 @@ class BatchWriter:
 
         They are received when they are published, or at ``received`` [ns].
         """
-        for together in spans(each for each in batches if each.topic in self._codecs):
-            found, places = [], []
+        for together in groups(each for each in batches if each.topic in self._codecs):
+            found = []
             for batch in together:
-                messages = encoded(batch, self._codecs[batch.topic], self._prefix, zero)
-                if received is not None:
-                    messages = replace(messages, log_times=np.full(len(batch), received))
-                found.append(messages)
-                places.append(np.arange(len(batch)) if batch.places is None else batch.places)
+                times = batch.publish_times + zero
+                received_at = times if received is None else np.full(len(batch), received)
+                found.append(
+                    replace(
+                        batch.serialized(self._codecs[batch.topic]),
+                        topic=self._prefix + batch.topic,
+                        publish_times=times,
+                        log_times=received_at,
+                    )
+                )
                 self.count += len(batch)
-            self._bag.write_batches(found, places)
-
-
-def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> SerializedBatch:
-    """Return a batch as a bag has it; ``zero`` is the bag's time at simulation time zero [ns]."""
-    if len(batch) == 1:
-        data = np.frombuffer(codec.encode(batch.row(0)), np.uint8)
-        sizes = np.array([len(data)], np.int64)
-    else:
-        data, sizes = codec.encoder.encode_columns(batch.fields, len(batch))
-    times = batch.times + zero
-    return SerializedBatch(
-        prefix + batch.topic, times, times, data, np.cumsum(sizes) - sizes, sizes
-    )
+            self._bag.write_batches(found)
 
 
 @contextmanager

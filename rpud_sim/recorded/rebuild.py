@@ -12,15 +12,15 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message
-from rpud_sim.bag.batches import messages_of
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.quantities import listed
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.messages.batch import messages_of
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import Column, Kind
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.export import describe_column, file_stem, make_table, write_account
-from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.output import Damages, new_folder
 from rpud_sim.recorded.runs import find_drill
 from rpud_sim.simulation.sampling import (

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
     PROGRESS,
@@ -34,7 +34,6 @@ from rpud_sim.recorded.journal import (
     wrong_header,
 )
 from rpud_sim.recorded.output import Damages
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import ChangeError
 from rpud_sim.simulation.plan import JournalEntry, Plan
@@ -60,10 +59,10 @@ class RecordedRun:
     # Publishing times between which its messages lie, both included [ns].
     window: tuple[int, int] = (_EARLIEST, _LATEST)
     end: int = 0  # simulation time up to which the journal is complete [ns]
-    torn: str = ""  # why it is not known how the run went on; empty if it is
-    known: int = _LATEST  # publishing time up to which the journal holds every entry [ns]
-    early: str = ""  # of a run that was not closed: where its journal ends
-    reached: int = _LATEST  # stamp up to which the bag should hold messages [ns]
+    incomplete: str = ""  # why it is not known how the run went on; empty if it is
+    complete_until: int = _LATEST  # publishing time up to which the journal has every entry [ns]
+    ends_early: str = ""  # of a run that was not closed: where its journal ends
+    computed_until: int = _LATEST  # stamp up to which the bag should hold messages [ns]
     first_origin: int = 0  # stamp of simulation time zero where the journal has none [ns]
     manifest: Manifest | None = None
     warnings: tuple[str, ...] = ()  # what is not known of it, one line each
@@ -80,14 +79,19 @@ class RecordedRun:
     def topic(self, name: str) -> str:
         return self.prefix + name
 
-    def incomplete(self, end: int | None = None) -> str:
+    def lacks(self, end: int | None = None) -> str:
         """Return why the journal is not complete up to a simulation time [ns]; empty if it is.
 
         None is for the end of the run.
         """
-        if not self.torn or (end is not None and end <= self.end):
+        if not self.incomplete or (end is not None and end <= self.end):
             return ""
-        return f"the journal is complete up to {self.end / SECOND:.9g} s alone: {self.torn}"
+        return f"the journal is complete up to {self.end / SECOND:.9g} s alone: {self.incomplete}"
+
+    @property
+    def ended(self) -> bool:
+        """Whether ``end`` is the end of what can be computed: no block may end later."""
+        return self.closed or bool(self.incomplete)
 
     @property
     def closed(self) -> bool:
@@ -163,7 +167,7 @@ class RecordedRun:
         """Return whether messages belong to the run, by their publishing times [ns], (n,)."""
         return within(publish_times, self.window)
 
-    def of(self, batches: Iterable[SerializedBatch]) -> Iterator[SerializedBatch]:
+    def of(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the messages of the run among those of a bag; each batch has one origin."""
         for batch in batches:
             own = batch.part(self.holds(batch.publish_times))
@@ -172,7 +176,7 @@ class RecordedRun:
                     yield replace(part, run=self.number, origin=origin)
 
     def computed(self, until: int, wanted: Collection[str]) -> Iterator[Batch]:
-        """Compute the messages of topics up to a simulation time [ns]; the origin is as recorded.
+        """Compute the messages of topics up to a simulation time [ns]; stamps are as recorded.
 
         A change that cannot be carried out raises a RecordingError.
         """
@@ -180,14 +184,12 @@ class RecordedRun:
         try:
             for batch in run.advance_to(until):
                 if batch.topic in wanted:
-                    yield batch
+                    yield replace(batch, run=self.number)
         except ChangeError as error:
             raise RecordingError(f"{self.journal}: {error}") from error
 
 
-def by_run(
-    runs: Sequence[RecordedRun], batches: Iterable[SerializedBatch]
-) -> Iterator[SerializedBatch]:
+def by_run(runs: Sequence[RecordedRun], batches: Iterable[Batch]) -> Iterator[Batch]:
     """Yield batches, each of one run with its number; 0 is before the first of the runs."""
     edges = np.array([run.window[0] for run in runs])
     for batch in batches:
@@ -195,7 +197,7 @@ def by_run(
             yield replace(part, run=run)
 
 
-def _parts(batch: SerializedBatch, values: np.ndarray) -> Iterator[tuple[int, SerializedBatch]]:
+def _parts(batch: Batch, values: np.ndarray) -> Iterator[tuple[int, Batch]]:
     """Yield the parts of a batch whose messages have one value, and that."""
     cuts = np.flatnonzero(np.diff(values)) + 1
     for first, last in pairwise([0, *cuts.tolist(), len(batch)]):
@@ -255,7 +257,7 @@ def find_drill(
             several = (
                 f"{bag.path} holds {found.runs} runs: the first is compared; choose with --run"
             )
-            warnings = (found.torn, several if found.runs > 1 and run is None else "")
+            warnings = (found.incomplete, several if found.runs > 1 and run is None else "")
             return replace(found, warnings=tuple(filter(None, warnings)))
     elif run not in (None, 1):
         raise RecordingError(f"{bag.path} holds no journal, so there is no run {run}")
@@ -377,13 +379,13 @@ def _to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:
     are still on their way. If the drill ended first, its last status shows the end.
     """
     last = run.number == run.runs
-    if run.torn:
-        run = replace(run, known=run.entries[-1].publish_time - 1)
+    if run.incomplete:
+        run = replace(run, complete_until=run.entries[-1].publish_time - 1)
     elif not run.closed and (wrong := wrong_header(run.entries)):
         number = wrong.recorded.entry.sequence
         reason = f"{wrong.field} of entry {number} is {wrong.value}, not {wrong.right}"
-        run = replace(run, torn=f"{run.journal}: {reason}")
-    if not last and (run.closed or run.torn):
+        run = replace(run, incomplete=f"{run.journal}: {reason}")
+    if not last and run.ended:
         return run
     by_topic = journal.progress(run.window, at_end=last)
     shown = np.concatenate([np.empty(0, PROGRESS), *by_topic.values()])
@@ -393,8 +395,8 @@ def _to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:
         stamps = np.sort(arrived["stamp"])
         stopped = shown["stamp"][shown["stopped"]] if run.closed else stamps[:0]
         known = int(stamps[-2]) - 1 if len(stamps) > 1 else -1
-        run = replace(run, reached=max(known, int(stopped.max(initial=-1))))
-    if run.closed or run.torn:
+        run = replace(run, computed_until=max(known, int(stopped.max(initial=-1))))
+    if run.ended:
         return run
     entries = run.entries[-1].entry.sequence + 1
     counts = shown["entries"]
@@ -406,8 +408,8 @@ def _to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:
     return replace(
         run,
         end=max(run.end, _boundary(run, [int(each["stamp"].max()) for each in by_topic.values()])),
-        known=max(run.entries[-1].publish_time, int(confirmed.max(initial=0))),
-        early=f"the journal ends early: {early}",
+        complete_until=max(run.entries[-1].publish_time, int(confirmed.max(initial=0))),
+        ends_early=f"the journal ends early: {early}",
     )
 
 

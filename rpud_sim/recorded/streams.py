@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.batches import SerializedBatch, gathered, items, joined
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.encoder import Decoded
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.messages.batch import Batch, joined
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.encoder import Decoded, gathered, items
 
 _MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
 _MANY = 2**22  # size of messages that are read together [bytes]
@@ -30,13 +30,13 @@ class TopicStreams:
     gets a pass of its own. So memory is bounded whatever the order of the messages.
     """
 
-    def __init__(self, read: Callable[[Collection[str]], Iterator[SerializedBatch]]) -> None:
+    def __init__(self, read: Callable[[Collection[str]], Iterator[Batch]]) -> None:
         self.read = read
         self.waiting = 0  # size of the messages that wait [bytes]
         self._streams: dict[str, list[TopicStream]] = {}  # by topic
 
     @cached_property
-    def _together(self) -> Iterator[SerializedBatch]:
+    def _together(self) -> Iterator[Batch]:
         return self.read(set(self._streams))
 
     def stream(self, topic: str) -> TopicStream:
@@ -67,11 +67,11 @@ class TopicStream:
         self.waiting = 0  # size of the messages that wait [bytes]
         self.closed = False  # whether it takes no more of what is read together
         self._streams, self._topic = streams, topic
-        self._batches: deque[SerializedBatch] = deque()
+        self._batches: deque[Batch] = deque()
         self._passed = 0  # messages so far
-        self._alone: Iterator[SerializedBatch] | None = None  # its own pass
+        self._alone: Iterator[Batch] | None = None  # its own pass
 
-    def add(self, batch: SerializedBatch) -> None:
+    def add(self, batch: Batch) -> None:
         self._batches.append(batch)
         self._count(len(batch.data))
 
@@ -82,7 +82,7 @@ class TopicStream:
     def __iter__(self) -> TopicStream:
         return self
 
-    def __next__(self) -> list[SerializedBatch]:
+    def __next__(self) -> list[Batch]:
         if self._batches:
             # Together, as each batch costs more than a few small messages.
             found, size = [self._batches.popleft()], 0
@@ -111,7 +111,7 @@ class TopicStream:
         self._count(-self.waiting)
         self._batches.clear()
 
-    def _rest(self) -> Iterator[SerializedBatch]:
+    def _rest(self) -> Iterator[Batch]:
         passed = self._passed
         for batch in self._streams.read({self._topic}):
             rest = batch.part(slice(min(passed, len(batch)), None))
@@ -129,7 +129,7 @@ def read_together(readers: Iterable[tuple[Iterator[object], Sequence[TopicStream
             left.remove(chosen)
 
 
-def stamps_of(block: SerializedBatch) -> np.ndarray:
+def stamps_of(block: Batch) -> np.ndarray:
     """Return the stamps of messages that begin with a header, shape (n,) [ns]."""
     whole = block.sizes >= _STAMP.stop
     stamps = np.full(len(block), UNREADABLE)
@@ -144,7 +144,7 @@ def stamps_of(block: SerializedBatch) -> np.ndarray:
     return stamps
 
 
-def _times(batch: SerializedBatch) -> np.ndarray:
+def _times(batch: Batch) -> np.ndarray:
     """Return the stamps of messages since the origin of their run, shape (n,) [ns]."""
     stamps = stamps_of(batch)
     return np.where(stamps == UNREADABLE, UNREADABLE, stamps - batch.origin)
@@ -153,7 +153,7 @@ def _times(batch: SerializedBatch) -> np.ndarray:
 class Head:
     """Next message of a stream."""
 
-    def __init__(self, held: SerializedBatch, number: int, codec: Codec) -> None:
+    def __init__(self, held: Batch, number: int, codec: Codec) -> None:
         self.topic, self.run, self.origin = held.topic, held.run, held.origin
         self.time = int(_times(held.part(slice(number, number + 1)))[0])  # since the origin [ns]
         self.stamp = self.time + self.origin if self.time != UNREADABLE else 0
@@ -181,11 +181,11 @@ class Head:
 class StreamHead:
     """Place in a stream of one topic, whose parts are lists of batches and may be empty."""
 
-    def __init__(self, parts: Iterator[list[SerializedBatch]], codec: Codec) -> None:
+    def __init__(self, parts: Iterator[list[Batch]], codec: Codec) -> None:
         self._parts = parts
         self._codec = codec
         self._ended = False
-        self._held: deque[SerializedBatch] = deque()
+        self._held: deque[Batch] = deque()
         self._heads: deque[Head] = deque()  # of the first messages
 
     def ready(self) -> bool:
@@ -201,7 +201,7 @@ class StreamHead:
         self._held += found
         return bool(found)
 
-    def held(self) -> SerializedBatch | None:
+    def held(self) -> Batch | None:
         """Return the next messages of a cursor that is ready, at least one; None at the end."""
         return self._held[0] if self._held else None
 
@@ -288,9 +288,7 @@ def _takes(first: StreamHead, second: StreamHead) -> tuple[bool, bool]:
     return out_of_order, not out_of_order
 
 
-def _equal_count(
-    first: SerializedBatch | None, second: SerializedBatch | None, several_times: bool
-) -> int:
+def _equal_count(first: Batch | None, second: Batch | None, several_times: bool) -> int:
     """Return how many messages, from the first on, are equal bit for bit but for their stamps."""
     if first is None or second is None or first.run != second.run:
         return 0
@@ -311,7 +309,7 @@ def _equal_count(
     return int(np.searchsorted(np.cumsum(sizes), np.argmax(one != other), side="right"))
 
 
-def _content(block: SerializedBatch, count: int, shifts: bool) -> np.ndarray:
+def _content(block: Batch, count: int, shifts: bool) -> np.ndarray:
     """Return the bytes of messages, without their stamps if these are shifted."""
     sizes = block.sizes[:count]
     data = gathered(block.data, block.starts[:count], sizes)

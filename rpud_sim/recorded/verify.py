@@ -12,21 +12,19 @@ from typing import NamedTuple
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_type_hash, installed_codec
 from rpud_sim.model.engine import EngineError
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.journal import (
     UnverifiableError,
     held_journals,
-    installed_codec,
     progress_readers,
     recorded_progress,
     wrong_header,
 )
-from rpud_sim.recorded.offline_bag import encoded
 from rpud_sim.recorded.runs import RecordedRun, by_run, runs_of
 from rpud_sim.recorded.streams import (
     Head,
@@ -169,16 +167,18 @@ class _Proof:
                 return  # times that contradict each other may be any
         comparisons = self._compare()
         found = [suspect for each in comparisons.values() for suspect in each.suspects]
-        torn = [run for run in self._runs if run.torn]
+        incomplete = [run.incomplete for run in self._runs if run.incomplete]
         # The journal holds all that could explain a message up to then.
-        decided = [each for each in found if each.published <= self._runs[each.run - 1].known]
+        decided = [
+            each for each in found if each.published <= self._runs[each.run - 1].complete_until
+        ]
         older = sum(
             c.counts["before"] for name, c in comparisons.items() if not TOPICS[name].latched
         )
-        if torn:
-            self.undecided = f"cannot be decided: {torn[0].torn}"
+        if incomplete:
+            self.undecided = f"cannot be decided: {incomplete[0]}"
         elif found and not decided:
-            early = self._runs[found[0].run - 1].early
+            early = self._runs[found[0].run - 1].ends_early
             self.undecided = f"{early}. {len(found)} messages after it are not as computed"
         elif older:
             self.undecided = f"{older} messages are of before the journal begins"
@@ -209,18 +209,18 @@ class _Proof:
             raise UnverifiableError(str(error)) from error
         return proofs
 
-    def _computed(self, topics: Collection[str]) -> Iterator[SerializedBatch]:
+    def _computed(self, topics: Collection[str]) -> Iterator[Batch]:
         """Compute the messages of all runs."""
         prefix = self._runs[0].prefix
         names = {topic.removeprefix(prefix) for topic in topics}
         for run in self._runs:
             counted = 0
             # A block may end later.
-            end = run.end if run.closed or run.torn else run.end + _TAIL
+            end = run.end if run.ended else run.end + _TAIL
             for batch in run.computed(end, names):
-                block = encoded(batch, self._codecs[batch.topic], prefix, run.origin)
-                yield replace(block, run=run.number)
-                time = int(batch.times[-1])
+                block = batch.serialized(self._codecs[batch.topic])
+                yield replace(block, topic=prefix + batch.topic)
+                time = int(batch.publish_times[-1])
                 if time - counted >= SECOND:
                     self._count(time - counted)
                     counted = time
@@ -345,8 +345,9 @@ class _TopicProof:
 
     def _is_after_the_end(self, computed: Head) -> bool:
         """Count a computed message after the last recorded one; whether the recording had ended."""
-        time = computed.log_time  # at the end of its block
-        if time > self._runs[computed.run - 1].reached:
+        run = self._runs[computed.run - 1]
+        time = computed.publish_time + run.origin  # at the end of its block
+        if time > run.computed_until:
             return True
         if self._matched or (computed.run, time) > self._complete_from:
             # Skipped ones lie before an unexpected message here, so they are missing at the end.

@@ -16,9 +16,9 @@ from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
 
-from rpud_sim.bag.encoder import CODES, Members
-from rpud_sim.bag.encoder import Sequence as SequenceOf
 from rpud_sim.foundation.quantities import did_you_mean
+from rpud_sim.messages.encoder import CODES, Members
+from rpud_sim.messages.encoder import Sequence as SequenceOf
 
 CLOCK = "/clock"
 STATUS = "rpud_msgs/msg/Status"  # type of the topic that only drills publish

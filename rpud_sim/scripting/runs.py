@@ -22,7 +22,7 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mea
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.model.segment import SEGMENT, join_records
-from rpud_sim.recorded.drill_tables import drill_table, rows_of, serialized
+from rpud_sim.recorded.drill_tables import drill_table, rows_of
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block, first_sample
@@ -267,9 +267,9 @@ class DrillRun:
 
     def _compute(self, topic: str) -> Columns:
         computed = run_batches(self.plan, self._end, (topic,))
-        batches = [serialized(each) for part in computed for each in part if each.topic == topic]
+        batches = [each for part in computed for each in part if each.topic == topic]
         names = drill_table(TOPICS[topic].type).columns
-        return _own_columns(rows_of(topic, batches).columns, names)
+        return _own_columns(rows_of(topic, batches), names)
 
     def _read(self, topic: str) -> Columns:
         assert self._bag is not None

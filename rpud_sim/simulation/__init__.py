@@ -23,10 +23,10 @@ from rpud_sim.drilling.mount import MountParameters, MountState
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.messages.batch import Batch
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Change, Clear, Configure, Inject
 from rpud_sim.simulation.commands import Applied, Drive, Feed, MountMotion, WeightOnBit

@@ -21,10 +21,11 @@ from rpud_sim.drilling.mount import MountMotion
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.shown_quantities import quantity_in
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Fields
 from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.topics import CHANNELS, FieldPath, Fields
+from rpud_sim.simulation.topics import CHANNELS, FieldPath
 
 # Share of the values of a garbage channel that are NaN or infinite, so that mission software meets
 # them; of random bit patterns only one in two thousand is.

@@ -16,8 +16,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, suggestion
+from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.model.parameters import QUANTITIES, Parameters
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import (
     CHANNEL_NEEDS,
@@ -27,7 +27,7 @@ from rpud_sim.simulation.fault_kinds import (
     Stage,
     fault_text,
 )
-from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH, Fields
+from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
 # critical damping, which is 1.

@@ -24,13 +24,14 @@ from rpud_sim.drilling.mount import FEED_MODES, Feed, MountMotion
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.batch import Fields
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.faults import FaultLedger, FaultRecord
 from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.sampling import SEGMENT_ARRAYS, Samples
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.topics import TOPICS, Fields
+from rpud_sim.simulation.topics import TOPICS
 
 # Joints of urdf/rpud.urdf, each of which moves one body along the drill axis: channels of its
 # position, velocity and effort; None for zero.
@@ -317,8 +318,8 @@ def status_fields(simulation: Simulation, origin: int, state: str, counts: Comma
 
 def fault_fields(record: FaultRecord, origin: int) -> Fields:
     return {
+        "number": record.number,  # in the order of the definition, as columns show it
         **vars(record.fault),
-        "number": record.number,
         "active": record.clear is None,
         "onset": time_fields(origin + record.onset),
         "clear": time_fields(0 if record.clear is None else origin + record.clear),

@@ -10,8 +10,8 @@ import numpy as np
 
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.model.engine import Buffers, EngineError
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.changes import (
     Action,
@@ -43,7 +43,6 @@ from rpud_sim.simulation.metrics import RecentEnergy
 from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Stream, Telemetry
-from rpud_sim.simulation.topics import Fields
 
 _UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)
 # Length of a block of a run without messages [ns]: a cache holds the motion of so much.
@@ -103,7 +102,7 @@ class Run:
         for change, fault in injected(beginning.faults):
             with _placed_errors(change.place):
                 check_supported(fault, settings.configuration)
-        self._spans = 0
+        self._groups = 0
         self._recent_energy = RecentEnergy(settings.configuration.has_feed)
         self._published_faults: object = self._simulation.faults.active
 
@@ -279,12 +278,12 @@ class Run:
         if self._silent:
             self._on_block(self._block_to(min(until, self.time + SILENT_BLOCK)))
             return
-        span = 0
+        group = 0
         # Deferred streams are made in parts, between deadlines.
         if defer is None and len(ends := self._undisturbed_ends(until)):
             block = simulation.advance_through(ends)
-            self._spans += 1
-            span = self._spans
+            self._groups += 1
+            group = self._groups
         else:
             end = self.next_boundary
             block = self._block_to(min(end, until))
@@ -292,9 +291,9 @@ class Run:
                 self._record(*journal_form(Stop()))
                 yield from self.entries()
         self._recent_energy.add(block)
-        yield from telemetry.batches(block, simulation.faults.since(block.start), span)
+        yield from telemetry.batches(block, simulation.faults.since(block.start), group)
         yield from self._changed_faults()
-        stream = telemetry.streams(block, span)
+        stream = telemetry.streams(block, group)
         if defer is None:
             yield from _made(stream)
         elif stream is not None:

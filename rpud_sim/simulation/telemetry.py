@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.batch import Batch
+from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultRecord, SignalFaults
@@ -29,7 +29,7 @@ from rpud_sim.simulation.fields import (
     wrench_fields,
 )
 from rpud_sim.simulation.sampling import Times, join_samples
-from rpud_sim.simulation.topics import CHANNELS, Fields
+from rpud_sim.simulation.topics import CHANNELS
 
 # Order in which a block's messages are published.
 _ORDER = (
@@ -73,23 +73,23 @@ class Telemetry:
         self._actuator_time = 0
         self._actuator_work = 0.0
 
-    def batches(self, block: Block, faults: Sequence[FaultRecord], span: int) -> Iterator[Batch]:
+    def batches(self, block: Block, faults: Sequence[FaultRecord], group: int) -> Iterator[Batch]:
         """Yield what has a deadline: impacts of a block and the samples at the ends of its parts.
 
         A part is at most one telemetry period long. ``faults`` lasted in a block of one part;
-        there are none in one of several, whose batches are of the span.
+        there are none in one of several, whose batches are of the group.
         """
-        for batch in self._sampled(block, span):
+        for batch in self._sampled(block, group):
             yield from self._signals.apply(batch, faults) if batch.topic in CHANNELS else (batch,)
         yield from self._signals.release(block.end, faults)
 
-    def streams(self, block: Block, span: int) -> Stream | None:
+    def streams(self, block: Block, group: int) -> Stream | None:
         """Return waveform and trajectory if a period of theirs ends with this block, else None.
 
         They are made while they are taken, part by part, and later blocks do not change them.
         """
-        if span:  # whole periods
-            return self._streams_of(block, self._stream_period, span)
+        if group:  # whole periods
+            return self._streams_of(block, self._stream_period, group)
         self._pending.append(block)
         number = self._boundary(block.end)
         if number is not None and number % self._stream_period == 0:
@@ -111,7 +111,7 @@ class Telemetry:
         last = number + periods * period
         return np.array([boundary(n + 1, rate) for n in range(number, last)], np.int64)
 
-    def _sampled(self, block: Block, span: int) -> Iterator[Batch]:
+    def _sampled(self, block: Block, group: int) -> Iterator[Batch]:
         """Yield the impacts of a block, and what is due at its parts' ends if these are bounds."""
         parts, ends = np.arange(len(block)), block.ends
         # Not the messages of contact_force: a signal fault may lose some of them.
@@ -121,29 +121,29 @@ class Telemetry:
             struck = block.struck.searchsorted(np.arange(len(block.impacts)), side="right")
             fields = contact_force_fields(block.impacts, self.origin)
             times = np.maximum(block.starts[struck], stamp_of(fields) - self.origin)
-            yield self._batch("contact_force", struck, times, fields, span)
+            yield self._batch("contact_force", struck, times, fields, group)
         if self._boundary(block.end) is None:
             return
         stamps = self.origin + ends
         samples = block.sample_ends()
         for topic in SAMPLED:
             yield self._batch(
-                topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), span
+                topic, parts, ends, sampled_fields(topic, samples, impacts, stamps), group
             )
         fields = wrench_fields(samples, stamps, block.states)
-        yield self._batch("wrench", parts, ends, fields, span)
+        yield self._batch("wrench", parts, ends, fields, group)
         for topic in PROCESS_TOPICS:
             if has_part(block.states, topic):
                 for among, fields in process_fields(topic, block.states, stamps):
-                    yield self._batch(topic, parts[among], ends[among], fields, span)
+                    yield self._batch(topic, parts[among], ends[among], fields, group)
         if self._wanted("joint_states"):
             fields = joint_state_fields(samples, stamps, block.states)
-            yield self._batch("joint_states", parts, ends, fields, span)
+            yield self._batch("joint_states", parts, ends, fields, group)
         if block.readings:
             powers = self._powers(block)
             if self._wanted("actuator_state"):
                 fields = actuator_state_fields(block.readings, powers, stamps)
-                yield self._batch("actuator_state", parts, ends, fields, span)
+                yield self._batch("actuator_state", parts, ends, fields, group)
 
     def _powers(self, block: Block) -> np.ndarray:
         """Return the actuator's mean mechanical power up to the end of each block [W]."""
@@ -163,16 +163,16 @@ class Telemetry:
         self._pending.clear()
         return self._streams_of(block, len(block))
 
-    def _streams_of(self, block: Block, period: int, span: int = 0) -> Stream:
+    def _streams_of(self, block: Block, period: int, group: int = 0) -> Stream:
         """Return waveform and trajectory of a block, a message of each in every ``period`` parts.
 
-        There is a None after each ``_PART`` samples, unless they are of a span.
+        There is a None after each ``_PART`` samples, unless they are of a group.
         """
         first = self._segments
         self._segments += int(block.finished[-1])
-        return self._stream(block, period, span, first, self.origin)
+        return self._stream(block, period, group, first, self.origin)
 
-    def _stream(self, block: Block, period: int, span: int, first: int, origin: int) -> Stream:
+    def _stream(self, block: Block, period: int, group: int, first: int, origin: int) -> Stream:
         groups = np.arange(period - 1, len(block), period)
         ends, finished = block.ends[groups], block.finished[groups]
         rate = self._sample_rate
@@ -180,7 +180,7 @@ class Telemetry:
         held = np.flatnonzero(np.diff(cuts))
         if len(held) and self._wanted("waveform"):
             parts = []
-            part = sys.maxsize if span else _PART
+            part = sys.maxsize if group else _PART
             for begin in range(int(cuts[0]), int(cuts[-1]), part):
                 count = min(part, int(cuts[-1]) - begin)
                 times = Times.from_grid(begin, count, rate)
@@ -189,7 +189,7 @@ class Telemetry:
             samples = join_samples(parts)
             cuts = np.append(cuts[held], cuts[-1])
             fields = waveform_fields(samples, cuts, rate, origin)
-            yield self._batch("waveform", groups[held], ends[held], fields, span)
+            yield self._batch("waveform", groups[held], ends[held], fields, group)
         count = int(finished[-1])
         if count and self._wanted("trajectory"):
             yield None
@@ -199,7 +199,7 @@ class Telemetry:
             firsts = firsts[firsts < count]
             periods = np.searchsorted(finished, firsts, side="right")
             fields = trajectory_fields(segments, np.append(firsts, count), first, origin)
-            yield self._batch("trajectory", groups[periods], ends[periods], fields, span)
+            yield self._batch("trajectory", groups[periods], ends[periods], fields, group)
 
     def _boundary(self, time: int) -> int | None:
         """Number of the telemetry period that ends at a time [ns], if one does."""
@@ -207,8 +207,8 @@ class Telemetry:
         return number if boundary(number, self._telemetry_rate) == time else None
 
     def _batch(
-        self, topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields, span: int
+        self, topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields, group: int
     ) -> Batch:
-        """Return a batch of messages that belong to blocks of a span, by their numbers."""
-        places = blocks * len(_ORDER) + _ORDER.index(topic) if span else None
-        return Batch(topic, times, prefixed(fields, self._prefix), span, places)
+        """Return a batch of messages that belong to blocks of a group, by their numbers."""
+        order = blocks * len(_ORDER) + _ORDER.index(topic) if group else None
+        return Batch(topic, times, prefixed(fields, self._prefix), group, order)

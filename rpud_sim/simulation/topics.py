@@ -6,8 +6,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-Fields = dict[str, Any]  # of a message, by name
-
 MOUNT_FRAME = "rpud_mount"
 NODAL_PLANE_FRAME = "rpud_nodal_plane"
 TOOL_TIP_FRAME = "rpud_tool_tip"

@@ -14,7 +14,6 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.metadata import (
     LOSSES_RECORD,
     MANIFEST_RECORD,
@@ -28,6 +27,7 @@ from rpud_sim.bag.metadata import (
 from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.foundation.json_text import json_text
+from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.testing.drill import LockstepDrill
 from rpud_sim.verdicts.verdict import FAILED
 

@@ -11,12 +11,11 @@ from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import JournalEntry as EntryMessage
 from rpud_msgs.msg import Status
 
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.drill_tables import serialized
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.ros.graph import message_class
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.changes import Change, action_of
 from rpud_sim.simulation.fields import CommandCounts
 from rpud_sim.simulation.plan import JournalEntry, Plan
@@ -40,7 +39,7 @@ class ComputedTopic:
     lost = 0  # messages
     stamped = True  # whether the messages have stamps
 
-    def __init__(self, name: str, topic: str, compute: Callable[[], list[SerializedBatch]]) -> None:
+    def __init__(self, name: str, topic: str, compute: Callable[[], list[Batch]]) -> None:
         self.name = name  # absolute
         self.kind = message_class(TOPICS[topic].type)  # class of the messages
         self.latched = TOPICS[topic].latched  # whether a late subscriber gets the last ones
@@ -51,7 +50,7 @@ class ComputedTopic:
         return sum(map(len, self.batches))
 
     @property
-    def batches(self) -> list[SerializedBatch]:
+    def batches(self) -> list[Batch]:
         return self._compute()
 
     @property
@@ -97,13 +96,13 @@ class ComputedDrill:
         self._resolve = resolve
         self._refresh = refresh
         self._entries: list[JournalEntry] = []
-        self._journal: list[SerializedBatch] = []  # messages of the entries
+        self._journal: list[Batch] = []  # messages of the entries
         self._origin = 0  # stamp of simulation time zero [ns]
         self._time = 0  # simulation time that the drill has reached [ns]
         self._status: Status | None = None  # at this time, to be compared
         self._run: Run | None = None
         self._scheduled = 0  # entries that the run has
-        self._batches: dict[str, list[SerializedBatch]] = {}  # by topic; those that are computed
+        self._batches: dict[str, list[Batch]] = {}  # by topic; those that are computed
 
     @property
     def entries(self) -> tuple[JournalEntry, ...]:
@@ -158,7 +157,7 @@ class ComputedDrill:
             for name in sorted(names)
         }
 
-    def _compute(self, topic: str) -> list[SerializedBatch]:
+    def _compute(self, topic: str) -> list[Batch]:
         """Return the messages of a topic up to the present time."""
         self.refresh()
         if topic == "journal":
@@ -199,8 +198,8 @@ class ComputedDrill:
             if batch.topic in wanted:
                 self._keep(batch, self._batches[batch.topic])
 
-    def _keep(self, batch: Batch, found: list[SerializedBatch]) -> None:
-        found.append(serialized(batch))
+    def _keep(self, batch: Batch, found: list[Batch]) -> None:
+        found.append(batch.serialized(installed_codec(TOPICS[batch.topic].type)))
 
     def _compare(self, run: Run, status: Status) -> None:
         """Raise a DrillError if the drill's status is not that of the computed run."""

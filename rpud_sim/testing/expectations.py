@@ -104,7 +104,7 @@ class LiveVerdicts:
             if isinstance(heard, ComputedTopic):
                 batches = heard.batches
                 for batch in batches[begin:]:
-                    self._record.add_serialized(topic, batch)
+                    self._record.add_batch(batch)
                 self._added[topic] = len(batches)
                 continue
             messages = heard.messages()

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import Kind
-from rpud_sim.bag.columns import objects
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.messages.columns import objects
 from rpud_sim.verdicts.names import SignalField
 from rpud_sim.verdicts.steps import HIGH, LOW
 from rpud_sim.verdicts.units import ExpectationError

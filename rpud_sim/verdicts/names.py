@@ -10,12 +10,12 @@ from functools import cache
 import numpy as np
 
 from rpud_sim.bag import Column, Kind
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import RECEIVED, columns_of
-from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.tables import holds_rows, row_columns
 from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import RECEIVED, columns_of
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.verdicts.formulas import (
     Active,

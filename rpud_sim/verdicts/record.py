@@ -11,9 +11,9 @@ import numpy as np
 
 from rpud_sim.bag import Column, TopicSummary
 from rpud_sim.bag import open as open_bag
-from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import listed, suggestion
+from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
@@ -106,12 +106,12 @@ class Record:
         self._count += 1
         self._kept.clear()
 
-    def add_serialized(self, topic: str, messages: SerializedBatch) -> None:
-        """Add serialized messages of a topic of the drill."""
-        topic = self._relative(topic)
+    def add_batch(self, batch: Batch) -> None:
+        """Add messages of a topic of the drill, as columns or as bytes."""
+        topic = self._relative(batch.topic)
         table = drill_table(TYPES[topic])
         self._columns[topic] = table.columns
-        self._add_columns(topic, table.batch(messages).columns)
+        self._add_columns(topic, table.batch(batch).columns)
         self._kept.clear()
 
     def add_losses(self, topic: str, count: int) -> None:
@@ -222,9 +222,6 @@ class Record:
                 stamps = np.where(stamps == 0, columns["log_time"], stamps)
         else:
             stamps = columns["log_time"]
-        self._add_batch(topic, stamps, columns)
-
-    def _add_batch(self, topic: str, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
         batch = TopicBatch(stamps, columns["publish_time"], columns)
         self._batches.setdefault(topic, []).append(batch)
 

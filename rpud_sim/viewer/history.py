@@ -14,7 +14,7 @@ from rpud_sim.drilling.rock import ROCKS, find_strata
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.simulation.batch import Batch
+from rpud_sim.messages.batch import Batch
 from rpud_sim.simulation.fault_kinds import magnitude_text
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins, Impacts, Layer
@@ -126,7 +126,7 @@ class History:
     def add(self, batch: Batch) -> None:
         """Add messages of a topic with their times in this history [ns]."""
         self._changes += 1
-        times = batch.times / SECOND
+        times = batch.publish_times / SECOND
         for column, values in batch.fields.items():
             if (name := f"{batch.topic} {column}") in self.signals:
                 for bins in self.bins:

@@ -13,9 +13,9 @@ import numpy as np
 
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.messages.batch import Batch
 from rpud_sim.ros.client.topics import FIELDS
 from rpud_sim.ros.graph import message_class
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_status

@@ -15,13 +15,12 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.batches import SerializedBatch, joined, messages_of
-from rpud_sim.bag.columns import Column, FieldReader, Kind, usable
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch, joined, messages_of
+from rpud_sim.messages.columns import Column, FieldReader, Kind, usable
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.runs import RecordedRun, runs_of
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.history import GAP, History, Signal, is_foreign, namespace, usual
@@ -67,7 +66,7 @@ class TopicReader:
         self.codec, _ = compiled(self.type, summary.definition or "")
         self._fields = FieldReader(self.codec, [*stamp, *numbers])
 
-    def read(self, batch: SerializedBatch) -> Rows:
+    def read(self, batch: Batch) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
         found = self._fields.read(batch)
         self.unreadable += len(found.errors)
@@ -198,7 +197,7 @@ class RecordedBag:
 
     def rows_of(self, numbers: Iterable[int]) -> dict[str, Rows]:
         """Return the rows of several chunks together, by topic; they are not kept."""
-        by_topic: dict[str, list[SerializedBatch]] = defaultdict(list)
+        by_topic: dict[str, list[Batch]] = defaultdict(list)
         for number in numbers:
             for batch in self._undamaged(number, self._topics):
                 by_topic[batch.topic].append(batch)
@@ -255,7 +254,7 @@ class RecordedBag:
     def close(self) -> None:
         self.bag.close()
 
-    def _undamaged(self, number: int, topics: set[str]) -> list[SerializedBatch]:
+    def _undamaged(self, number: int, topics: set[str]) -> list[Batch]:
         """Return what a chunk holds of some topics; note its damage."""
         chunk = self.chunks[number]
         if chunk.topics.isdisjoint(topics):

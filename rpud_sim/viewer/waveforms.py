@@ -11,7 +11,7 @@ import numpy as np
 
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded.rebuild import RecordedSegments, recorded_segments
 from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
 from rpud_sim.viewer.history import IMPACTS_TYPE, MOTION, SECTION

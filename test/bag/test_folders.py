@@ -9,8 +9,8 @@ from sample_bags import START, STRING_DEFINITION, TALK, rewrite, serialized_stri
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagNotFoundError, BagWriter
-from rpud_sim.bag.errors import BagWarning
 from rpud_sim.bag.recovery import recover
+from rpud_sim.messages.errors import BagWarning
 
 
 def replaced(old, new):

@@ -13,8 +13,8 @@ from sample_bags import START, serialized_string, write_mcap
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.errors import BagWarning
 from rpud_sim.bag.recovery import recover
+from rpud_sim.messages.errors import BagWarning
 
 HI = serialized_string("hi")
 

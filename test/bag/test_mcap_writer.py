@@ -1,6 +1,7 @@
 """The writer's files are those of the library, byte for byte, however messages come."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,14 +60,14 @@ def test_one_by_one_the_file_is_that_of_the_library(tmp_path_factory, messages, 
 
 
 def batches_of(messages):
-    """Messages by topic, and their places."""
-    batches, places = [], []
+    """Messages by topic, in one group."""
+    batches = []
     for channel in {channel for channel, *_ in messages}:
         own = [(place, *rest) for place, (one, *rest) in enumerate(messages) if one == channel]
         found, *times, data = zip(*own, strict=True)
-        batches.append(batch_of(data, f"/{channel}", b"###", np.transpose(times)))
-        places.append(np.array(found, np.int64))
-    return batches, places
+        batch = batch_of(data, f"/{channel}", b"###", np.transpose(times))
+        batches.append(replace(batch, group=1, order=np.array(found, np.int64)))
+    return batches
 
 
 @settings(max_examples=examples(30), deadline=None)
@@ -87,7 +88,7 @@ def test_by_the_batch_a_bag_is_the_same_as_one_by_one(
                 bag.add_topic(Topic(f"/{number}", STRING), STRING_DEFINITION)
             for number, messages in enumerate(groups):
                 if kind == "batches" or (kind == "both" and number % 2):
-                    bag.write_batches(*batches_of(messages))
+                    bag.write_batches(batches_of(messages))
                     continue
                 for channel, log_time, publish_time, data in messages:
                     bag.write(f"/{channel}", data, log_time, publish_time)
@@ -99,8 +100,8 @@ def test_by_the_batch_a_bag_is_the_same_as_one_by_one(
 def test_batches_of_unknown_topics_and_impossible_times_are_refused(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         with pytest.raises(BagError, match=r"topic /1 was not declared"):
-            bag.write_batches(*batches_of([(1, START, START, b"")]))
+            bag.write_batches(batches_of([(1, START, START, b"")]))
         bag.add_topic(Topic("/1", STRING), STRING_DEFINITION)
         with pytest.raises(BagError, match=r"publish_time -1 ns; both must be from 0"):
-            bag.write_batches(*batches_of([(1, START, START, b""), (1, START, -1, b"")]))
+            bag.write_batches(batches_of([(1, START, START, b""), (1, START, -1, b"")]))
         assert bag.message_count == 0

@@ -21,10 +21,10 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
-from rpud_sim.bag.columns import Kind
-from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.tables import _offsets as offsets_of_blocks
 from rpud_sim.bag.tables import _starts as starts_of_segments
+from rpud_sim.messages.columns import Kind
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation

@@ -5,9 +5,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 from rpud_sim import bag as bags
-from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.metadata import LOSSES_RECORD
-from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.messages.columns import to_plain
+from rpud_sim.messages.definitions import installed_codec
 
 
 def unchanged(message):

@@ -7,10 +7,9 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.metadata import MANIFEST_RECORD, manifest_from_record
-from rpud_sim.recorded.journal import installed_codec
-from rpud_sim.simulation.batch import rows_of
+from rpud_sim.messages.batch import rows_of
+from rpud_sim.messages.definitions import find_definition, find_type_hash, installed_codec
 from rpud_sim.simulation.changes import Clear, Configure, Inject, SetOrigin
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings

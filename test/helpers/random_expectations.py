@@ -3,8 +3,8 @@
 from hypothesis import strategies as st
 
 from rpud_sim import bag as bags
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.cdr import Codec
 from rpud_sim.verdicts import Record
 from rpud_sim.verdicts import formulas as f
 

@@ -10,8 +10,8 @@ from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.simulation.topics import TOPICS

@@ -14,10 +14,9 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.batches import SerializedBatch
-from rpud_sim.bag.definitions import find_definition
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.definitions import find_definition, installed_codec
 from rpud_sim.recorded import offline_bag
-from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.plan import Beginning, Plan
@@ -50,7 +49,7 @@ def serialized_string(text: str) -> bytes:
 
 def batch_of(
     messages: Sequence[bytes], topic: str = "/a", gap: bytes = b"", times: Any = None
-) -> SerializedBatch:
+) -> Batch:
     """Return messages with bytes between them that are none; ``times`` has a row for each."""
     sizes = np.array([len(data) for data in messages], np.int64)
     if times is None:
@@ -58,7 +57,7 @@ def batch_of(
     logs, sent = np.array(times, np.int64).reshape(-1, 2).T
     data = np.frombuffer(gap + gap.join(messages), np.uint8)
     starts = np.cumsum(sizes + len(gap)) - sizes
-    return SerializedBatch(topic, logs, sent, data, starts, sizes)
+    return Batch(topic, sent, log_times=logs, data=data, starts=starts, sizes=sizes)
 
 
 def write_bag(

@@ -19,7 +19,7 @@ from ament_index_python.packages import get_package_share_directory
 from rpud_sim.cli.main import main
 from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation.batch import Batch
+from rpud_sim.messages.batch import Batch
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
 from rpud_sim.simulation.plan import JournalEntry
 

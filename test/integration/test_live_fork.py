@@ -10,9 +10,9 @@ from sample_bags import write_offline_bag
 from support import Process
 
 import rpud_sim.bag
-from rpud_sim.bag.columns import to_plain
+from rpud_sim.messages.columns import to_plain
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded.fork import write_fork
-from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.recorded.verify import verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import parse_scenario

@@ -14,8 +14,8 @@ from sample_bags import PLAIN_PROVED
 from support import Process
 
 import rpud_sim.bag
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.recorded.verify import verify
 
 JOURNAL = "/rpud/journal"

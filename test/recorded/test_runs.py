@@ -9,10 +9,11 @@ from forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.columns import to_plain
+from rpud_sim.messages.columns import to_plain
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.fork import write_fork
-from rpud_sim.recorded.journal import UnverifiableError, installed_codec
+from rpud_sim.recorded.journal import UnverifiableError
 from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import find_drill, runs_of
 from rpud_sim.recorded.verify import verify
@@ -37,7 +38,7 @@ def test_a_message_belongs_to_the_last_run_that_had_begun_when_it_was_published(
     times = np.array([0, begun - 1, begun, begun + 1, 2**61])
     assert first.holds(times).tolist() == [True, True, False, False, False]
     assert second.holds(times).tolist() == [False, False, True, True, True]
-    assert [(run.number, run.runs, run.closed, run.torn) for run in (first, second)] == [
+    assert [(run.number, run.runs, run.closed, run.incomplete) for run in (first, second)] == [
         (1, 2, True, ""),
         (2, 2, True, ""),
     ]
@@ -180,7 +181,7 @@ def test_what_cannot_be_verified_is_said(bag, tmp_path, change, topics, reason):
 def test_a_missing_entry_leaves_the_run_undecided_after_it(bag, tmp_path):
     path = altered(bag, tmp_path / "bag", numbered("journal", 1, lambda m: []))
     [run] = runs_in(path)
-    assert run.torn == f"{JOURNAL}: entries 1 to 1 of the journal are missing"
+    assert run.incomplete == f"{JOURNAL}: entries 1 to 1 of the journal are missing"
     found = verify(path)
     assert (found.proved, found.first_difference) == (False, None)
     assert found.undecided.startswith("cannot be decided: ")

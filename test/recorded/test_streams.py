@@ -10,9 +10,8 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded import streams
-from rpud_sim.recorded.journal import installed_codec
-from rpud_sim.recorded.offline_bag import encoded
 from rpud_sim.recorded.streams import (
     Matched,
     StreamHead,
@@ -36,7 +35,8 @@ def computed():
     found = {name: [] for name in NAMES}
     for batch in Run(Plan(Beginning(settings))).advance_to(SECOND // 2):
         if batch.topic in NAMES:
-            found[batch.topic].append(encoded(batch, CODECS[batch.topic], "/rpud/", 0))
+            block = batch.serialized(CODECS[batch.topic])
+            found[batch.topic].append(replace(block, topic=f"/rpud/{batch.topic}"))
     return found
 
 

@@ -12,15 +12,15 @@ from sample_bags import write_offline_bag
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.metadata import Manifest
-from rpud_sim.recorded.journal import UnverifiableError, installed_codec
+from rpud_sim.messages.batch import rows_of
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition, installed_codec
+from rpud_sim.recorded.journal import UnverifiableError
 from rpud_sim.recorded.offline_bag import drill_bag
 from rpud_sim.recorded.streams import first_field
 from rpud_sim.recorded.verify import PROVED, verify
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.batch import rows_of
 from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings

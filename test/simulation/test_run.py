@@ -11,7 +11,7 @@ from support import entries_in
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER
-from rpud_sim.simulation.batch import rows_of
+from rpud_sim.messages.batch import rows_of
 from rpud_sim.simulation.changes import (
     Change,
     ChangeError,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.simulation.batch import Batch, rows_of
+from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.fault_kinds import KINDS

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
+from rpud_sim.messages.batch import groups, rows_of
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.simulation import Parameters, fields
-from rpud_sim.simulation.batch import rows_of, spans
 from rpud_sim.simulation.block import boundary
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, SetOrigin
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -276,13 +276,13 @@ def together(values, *times):
     """Give what a run without changes gives up to each time: the batches of each span."""
     run = Run(Plan(Beginning(to_settings(values))), Journal())
     run.begin(ORIGIN)
-    return [[each for each in spans(run.advance_to(time)) if each[0].span] for time in times]
+    return [[each for each in groups(run.advance_to(time)) if each[0].group] for time in times]
 
 
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_four_seconds_are_a_batch_of_each_topic(model):
     [found] = together({"actuator_model": model}, 6 * SECOND)
-    assert [max(int(batch.times[-1]) for batch in span) for span in found] == [
+    assert [max(int(batch.publish_times[-1]) for batch in span) for span in found] == [
         4 * SECOND,
         6 * SECOND,
     ]

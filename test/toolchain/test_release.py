@@ -50,7 +50,7 @@ def test_colcon_finds_both_and_nothing_is_a_link(tree):
     }
     own, copied = (
         {path.name: path.read_text() for path in (tree / place).glob("*.msg")}
-        for place in ("rpud_msgs/msg", "rpud_sim/rpud_sim/bag/share/rpud_msgs/msg")
+        for place in ("rpud_msgs/msg", "rpud_sim/rpud_sim/messages/share/rpud_msgs/msg")
     )
     assert own == copied != {}
     check = tree / "rpud_sim" / "toolchain" / "check_repository.py"

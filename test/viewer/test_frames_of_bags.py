@@ -14,9 +14,9 @@ from recorded_bags import DURATION
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
 from rpud_sim.viewer.recorded import WAVEFORM, RecordedStore

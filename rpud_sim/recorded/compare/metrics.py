@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagReader
-from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.shown_quantities import QUANTITIES as SHOWN
 from rpud_sim.foundation.shown_quantities import ShownQuantity
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.columns import Kind, usable
 from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.simulation.topics import TOPICS

@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from rpud_sim.bag import BagFormatError, BagReader, SerializedBatch, TopicSummary
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag import BagFormatError, BagReader, Batch, TopicSummary
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.cdr import Codec
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.recorded.streams import (
     StreamHead,
@@ -82,7 +82,7 @@ def _topics(bag: BagReader, run: RecordedRun) -> dict[str, TopicSummary]:
 
 def _own(
     bag: BagReader, run: RecordedRun, report: Callable[[int], object], topics: Collection[str]
-) -> Iterator[SerializedBatch]:
+) -> Iterator[Batch]:
     for batch in run.of(bag.batches(topics)):
         report(len(batch))
         yield batch

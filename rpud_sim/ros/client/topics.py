@@ -17,10 +17,10 @@ from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import join_seconds
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.definitions import find_definition
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
 from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps
 from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class

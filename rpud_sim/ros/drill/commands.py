@@ -23,15 +23,15 @@ from std_msgs.msg import Header
 from rpud_sim.drilling.mount import FEED_MODES, POSITION, RATE
 from rpud_sim.foundation.quantities import LONGEST_NAME, ParameterError, Text, cut
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.ros.endpoints import SequenceGaps, taken
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.threads import DelayHistogram
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Command, Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT, time_fields
-from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME, Fields
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME
 
 COMMAND_QOS = QoSProfile(depth=1000)  # reliable
 

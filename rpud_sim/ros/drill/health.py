@@ -10,19 +10,19 @@ from rclpy.node import Node
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.ros.graph import ClockSources
 from rpud_sim.ros.threads import DelayHistogram
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import CommandCounts, header_fields, prefixed, time_fields
 from rpud_sim.simulation.metrics import Metrics, Values
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.topics import JOINT_COMMANDS, Fields
+from rpud_sim.simulation.topics import JOINT_COMMANDS
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
 COUPLING_SHARE = 0.05

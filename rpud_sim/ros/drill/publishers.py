@@ -16,11 +16,11 @@ from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rpud_sim.bag.encoder import Encoder
+from rpud_sim.messages.batch import Batch, rows_of
+from rpud_sim.messages.encoder import Encoder
 from rpud_sim.ros.drill.drawn_order import DrawnOrder
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import members_of, message_class
-from rpud_sim.simulation.batch import Batch, rows_of
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic

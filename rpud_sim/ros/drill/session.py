@@ -178,7 +178,7 @@ class Session:
         self._unreported |= self.run.next_change != planned
         # Without deadlines its subscribers set the pace.
         self.publishers.patient = not self.timeline.pacer.paces
-        struck = [each.times.tolist() for each in batches if each.topic == "contact_force"]
+        struck = [each.publish_times.tolist() for each in batches if each.topic == "contact_force"]
         return self.publishers.encode(batches), [time for times in struck for time in times]
 
     def publish(self, messages: list[Encoded], impacts: list[int]) -> None:

@@ -15,9 +15,9 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.batch import Fields
 from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.topics import Fields
 
 LONGEST_STEP = 1e6  # [s]; longer than any mission
 # Between two ticks of another's ``/clock``, as far as its time goes on: more is another time [s].

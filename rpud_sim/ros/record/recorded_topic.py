@@ -15,9 +15,9 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import BagError, Message, Topic
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.metadata import Losses
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
+from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.ros.endpoints import FollowedTopic
 from rpud_sim.ros.graph import message_class
 

@@ -22,14 +22,14 @@ from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.cdr import Codec, foreign_encoding
-from rpud_sim.bag.columns import to_plain
-from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed, suggestion
 from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, in_words, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
+from rpud_sim.messages.cdr import Codec, foreign_encoding
+from rpud_sim.messages.columns import to_plain
+from rpud_sim.messages.definitions import find_type_hash
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import CLOCK, ClockSources, UnknownTypeError, filled, message_class
 from rpud_sim.ros.options import DISCOVERY_TIME, ReplayOptions

@@ -19,7 +19,8 @@ from rpud_sim.recorded.compare.metrics import (
     differences,
 )
 from rpud_sim.recorded.runs import RecordedRun
-from rpud_sim.simulation import Parameters, Simulation, Times, preset
+from rpud_sim.simulation import Parameters, Times, preset
+from rpud_sim.simulation.simulation import Simulation
 
 DRILLING = preset("drilling")
 RATE = 100

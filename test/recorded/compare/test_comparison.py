@@ -9,13 +9,13 @@ from sample_bags import write_offline_bag
 from support import called
 
 import rpud_sim.bag as bags
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import to_plain
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import to_plain
+from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded import RecordingError, streams
 from rpud_sim.recorded.compare import compare
 from rpud_sim.recorded.compare.metrics import DIFFERS
-from rpud_sim.recorded.journal import installed_codec
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")

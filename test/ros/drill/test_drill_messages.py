@@ -16,13 +16,13 @@ from support import trajectory_messages
 from trajectories import arrays_of
 
 from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.messages.batch import Batch
 from rpud_sim.model import segment
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill.services import message_to_fault
 from rpud_sim.ros.graph import filled
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS

@@ -17,9 +17,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rpud_sim.bag.batches import items
-from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.errors import BagFormatError
 
 TEXT = "s"
 # Codes of the struct, by the names of types in definitions and in IDL.
@@ -289,3 +288,26 @@ def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int, in
             yield f"{length}s", length, 1
         else:
             yield inner, _SIZES[inner], _SIZES[inner]
+
+
+def items(data: np.ndarray, dtype: np.dtype | str) -> np.ndarray:
+    """Return an overlapping view of bytes with an item at each place, which need not be aligned.
+
+    NumPy copies whole items, which is faster than byte by byte.
+    """
+    dtype = np.dtype(dtype)
+    return np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
+
+
+def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return the bytes of messages one behind the other; ``data`` is uint8, sizes are in bytes."""
+    if not len(starts) or not sizes.any():
+        return np.empty(0, np.uint8)
+    ends = starts + sizes
+    if (starts[1:] == ends[:-1]).all():
+        return data[starts[0] : ends[-1]].copy()
+    if (sizes == sizes[0]).all():
+        return items(data, f"V{sizes[0]}")[starts].view(np.uint8)
+    view = data.data
+    pairs = zip(starts.tolist(), ends.tolist(), strict=True)
+    return np.frombuffer(bytearray().join([view[start:end] for start, end in pairs]), np.uint8)

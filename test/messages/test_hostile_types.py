@@ -7,8 +7,8 @@ from sample_bags import START, write_mcap
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import columns_of
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import columns_of
 
 GIGABYTE = 2**30
 SEPARATOR = "=" * 80

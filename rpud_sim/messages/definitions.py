@@ -10,14 +10,17 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpud_sim.bag.definition_text import PRIMITIVES, TYPE_NAME, long_name
-from rpud_sim.bag.errors import DefinitionNotFoundError
+from rpud_sim.messages.definition_text import PRIMITIVES, TYPE_NAME, long_name
+from rpud_sim.messages.errors import DefinitionNotFoundError
 
 if TYPE_CHECKING:
     from mcap.records import Schema
+
+    from rpud_sim.messages.cdr import Codec
 
 _OWN_PLACE = Path(__file__).with_name("share")
 _SEPARATOR = "=" * 80
@@ -69,6 +72,14 @@ def find_definition(type_name: str) -> str:
     return "\n".join(parts)
 
 
+@cache
+def installed_codec(type_name: str) -> Codec:
+    """Return the codec of a type as it is installed here; making one takes long."""
+    from rpud_sim.messages.cdr import Codec  # needs a library that a drill may lack
+
+    return Codec(type_name, find_definition(type_name))
+
+
 def find_type_hash(type_name: str) -> str:
     """Return the ``RIHS01_...`` hash of a message type.
 
@@ -79,9 +90,7 @@ def find_type_hash(type_name: str) -> str:
     try:
         description = _read(type_name, places, ".json")
     except DefinitionNotFoundError:
-        from rpud_sim.bag.cdr import Codec
-
-        return Codec(type_name, find_definition(type_name)).type_hash
+        return installed_codec(type_name).type_hash
     try:
         for entry in json.loads(description)["type_hashes"]:
             if entry["type_name"] == f"{package}/msg/{name}":

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from rpud_sim.bag.definitions import find_type_hash
-from rpud_sim.bag.encoder import CODES, TEXT, Encoder, Members, Sequence
-from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.values import Sequences
-from rpud_sim.recorded.journal import installed_codec
+from rpud_sim.messages.definitions import find_type_hash, installed_codec
+from rpud_sim.messages.encoder import CODES, TEXT, Encoder, Members, Sequence
+from rpud_sim.messages.errors import BagFormatError
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.errors import DefinitionNotFoundError
+from rpud_sim.messages.definitions import find_definition, find_type_hash
+from rpud_sim.messages.errors import DefinitionNotFoundError
 
 
 @pytest.fixture

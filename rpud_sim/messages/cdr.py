@@ -13,14 +13,17 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rpud_sim.bag.definition_text import fields_of, parts_of
-from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
-from rpud_sim.bag.errors import DAMAGED, BagFormatError
-from rpud_sim.bag.limits import DECODED_LIMIT, FIELDS_LIMIT
 from rpud_sim.foundation.terminal import in_words
+from rpud_sim.messages.definition_text import fields_of, parts_of
+from rpud_sim.messages.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
+from rpud_sim.messages.errors import DAMAGED, BagFormatError
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
+
+# Limits, so that a few bytes cannot take all memory.
+FIELDS_LIMIT = 100_000  # greatest number of fields of a type, with those of its members
+DECODED_LIMIT = 256 * 2**20  # greatest decoded message, with its text in exported files [bytes]
 
 HEAD = 4  # bytes before the first field: the encoding of a message
 PADDING = 3  # bytes behind the last field, so that messages follow each other aligned

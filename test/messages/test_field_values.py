@@ -7,10 +7,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sample_bags import SEPARATOR, batch_of, serialized
 from support import examples
 
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import FieldReader, Kind, columns_of, to_plain
-from rpud_sim.bag.encoder import Decoded
 from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.columns import FieldReader, Kind, columns_of, to_plain
+from rpud_sim.messages.encoder import Decoded
 
 PARTS = f"""
 {SEPARATOR}

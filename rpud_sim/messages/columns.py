@@ -13,8 +13,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rpud_sim.bag.batches import SerializedBatch, gathered, items
-from rpud_sim.bag.cdr import (
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.batch import Batch
+from rpud_sim.messages.cdr import (
+    DECODED_LIMIT,
     HEAD,
     PADDING,
     UNUSED,
@@ -22,13 +25,10 @@ from rpud_sim.bag.cdr import (
     aligned,
     number_dtype,
 )
-from rpud_sim.bag.definition_text import fields_of, parts_of
-from rpud_sim.bag.encoder import CODES, TEXT, Decoded, Members, Node
-from rpud_sim.bag.encoder import Sequence as Several
-from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.limits import DECODED_LIMIT
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Sequences
+from rpud_sim.messages.definition_text import fields_of, parts_of
+from rpud_sim.messages.encoder import CODES, TEXT, Decoded, Members, Node, gathered, items
+from rpud_sim.messages.encoder import Sequence as Several
+from rpud_sim.messages.errors import BagFormatError
 
 _GREATEST = 1e150  # squares of values beyond would overflow
 
@@ -187,8 +187,11 @@ class FieldReader:
         self._columns = tuple(columns)
         self._fields = _flat_fields(codec.members)
 
-    def read(self, batch: SerializedBatch) -> FieldValues:
+    def read(self, batch: Batch) -> FieldValues:
         """Return the values of messages; those that are not of the type are among the errors."""
+        if batch.fields:
+            columns = {c.name: _computed(c, batch.fields, len(batch)) for c in self._columns}
+            return FieldValues(np.arange(len(batch)), columns, ())
         together = np.arange(len(batch) if self._fields is not None else 0)
         found: dict[str, np.ndarray | Sequences] = {}
         while len(together) >= _LEAST_TOGETHER:
@@ -219,6 +222,25 @@ class FieldReader:
             own = _column_of(each, values[each.name])
             columns[each.name] = _joined(each, found[each.name], own, order) if found else own
         return FieldValues(rows[order], columns, tuple(errors))
+
+
+def _computed(column: Column, fields: Mapping[str, Any], count: int) -> np.ndarray | Sequences:
+    """Return the values of a column from fields that are columns themselves."""
+    value: Any = fields
+    for name in column.attribute.split("."):
+        value = value[name]
+    if column.kind in (Kind.TIME, Kind.DURATION):
+        time = np.asarray(value["sec"], np.int64) * SECOND + np.asarray(value["nanosec"], np.int64)
+        return np.array(np.broadcast_to(time, count))
+    if column.kind in (Kind.TEXT, Kind.NESTED):
+        return objects([value] * count)
+    if column.kind is Kind.NUMBER:
+        return np.array(np.broadcast_to(value, count), column.dtype)
+    if isinstance(value, Sequences):
+        return value
+    values = np.asarray(value, column.dtype)
+    values = np.array(np.broadcast_to(values, (count, values.shape[-1])))
+    return Sequences.of_counts(values.reshape(-1), np.full(count, values.shape[1]))
 
 
 def _flat_fields(members: Members, prefix: str = "") -> list[tuple[str, Node]] | None:
@@ -252,7 +274,7 @@ _Places: TypeAlias = "int | np.ndarray"
 class _Walk:
     """Walk from field to field in all messages of a batch together."""
 
-    def __init__(self, codec: Codec, batch: SerializedBatch) -> None:
+    def __init__(self, codec: Codec, batch: Batch) -> None:
         self._codec = codec
         self._data, self._starts, self._sizes = batch.data, batch.starts, batch.sizes
         self._place: _Places = HEAD

@@ -1,0 +1,1 @@
+"""Messages without ROS: batches of them, their types, and the codec between fields and bytes."""
