@@ -36,7 +36,7 @@ def made(timeout=0.0, ramp=0.5, active=True, **options):
 
 
 def acting(run):
-    applied = run.run.simulation.applied
+    applied = run.simulation.applied
     return applied.weight_on_bit.force, applied.drive.voltage if applied.drive.enabled else 0.0
 
 
