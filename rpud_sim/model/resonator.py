@@ -190,6 +190,8 @@ def load(state, impulse, work):
 
     The impulse is the integral of the force on the free mass, turned by the drive's phase [N s].
     """
+    if not state.amplitude_per_volt > 0.0:
+        return  # nothing moves the vibration
     before = bring_envelope(state)
     omega = TWO_PI * state.resonance_frequency
     share = 1.0 / (state.modal_mass * omega * state.amplitude_per_volt)
