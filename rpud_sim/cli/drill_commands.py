@@ -19,7 +19,7 @@ from rpud_sim.foundation.terminal import cell, complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client import DrillClient
-    from rpud_sim.ros.client.topics import TopicListener
+    from rpud_sim.ros.client.listening_node import ListeningNode
 
 _COUNT = Quantity("", "a number of messages", 1, 2**63 - 1, whole=True)
 _WIDTH = 2**31 - 1  # of a line of YAML: no text is folded
@@ -315,47 +315,50 @@ def _set(options: Any) -> ExitCode:
 )
 def _echo(options: Any) -> ExitCode:
     from rpud_sim.ros.client.listening_node import ListeningNode
-    from rpud_sim.ros.client.topics import CUT, TopicListener, field_getter, to_plain
+    from rpud_sim.ros.client.topics import CUT, field_getter, listen, to_plain
 
     with ListeningNode(
         "rpud_echo", options.namespace, options.domain, options.patience
     ) as listening:
-        listener = TopicListener(listening, options.topic)
-        field = field_getter(options.field, listener.kind) if options.field else None
+        messages: list[Any] = []
+        topic = listen(listening, options.topic, messages)
+        field = field_getter(options.field, topic.kind) if options.field else None
         cut = None if options.full_length or options.json else CUT
         text = _json_text if options.json else _yaml_text()
-
-        def show(message: Any) -> None:
+        said = 0  # losses that are reported
+        for message in _received(listening, topic.name, messages, options):
             value = message if field is None else field(message)
             sys.stdout.write(text(None if value is None else to_plain(value, cut)))
+            if not messages:
+                sys.stdout.flush()
+            if topic.lost > said:
+                said = topic.lost
+                complain("rpud echo", f"{said} messages of {topic.name} were lost")
+    return ExitCode.DONE
 
-        return _listen(listener, show, options)
 
-
-def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) -> ExitCode:
+def _received(
+    listening: ListeningNode, name: str, messages: list[Any], options: Any
+) -> Iterator[Any]:
+    """Take the messages off a list that is filled meanwhile, until a signal or the end."""
     from rpud_sim.ros.process import StopRequest
 
     wanted = 1 if options.once else options.count
     end = None if options.duration is None else time.monotonic() + options.duration
-    shown = lost = 0
+    shown = 0
     with StopRequest() as stop:
         while not stop.requested and (wanted is None or shown < wanted):
+            if messages:
+                shown += 1
+                yield messages.pop(0)
+                continue
             rest = _WAIT if end is None else min(_WAIT, end - time.monotonic())
             if rest <= 0.0:
                 if wanted is None:
-                    break
+                    return
                 limit = f"within {options.duration:g} s"
-                raise CommandError(f"{shown} of {wanted} messages on {listener.name} {limit}")
-            messages = listener.take(rest)
-            for message in messages[: None if wanted is None else wanted - shown]:
-                show(message)
-                shown += 1
-            if messages:
-                sys.stdout.flush()
-            if listener.lost > lost:
-                lost = listener.lost
-                complain("rpud echo", f"{lost} messages of {listener.name} were lost")
-    return ExitCode.DONE
+                raise CommandError(f"{shown} of {wanted} messages on {name} {limit}")
+            listening.spin(rest)
 
 
 def _json_text(plain: Any) -> str:

@@ -53,6 +53,12 @@ def message_class(type_name: str) -> Any:
     raise UnknownTypeError(f"type {type_name} is not installed here: {reason}")
 
 
+def type_name(message: Any) -> str:
+    """Return the type of a message class, such as ``std_msgs/msg/String``."""
+    package, kind, *_ = message.__module__.split(".")
+    return f"{package}/{kind}/{message.__name__}"
+
+
 def members_of(message: Any) -> Members:
     """Return the members of a message class for an encoder, or raise an UnknownTypeError."""
     members = message.get_fields_and_field_types().items()

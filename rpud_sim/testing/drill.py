@@ -12,7 +12,7 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mea
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.disturbances import Disturbances, DisturbedStep
 from rpud_sim.testing.errors import LostMessagesError, is_verdict
@@ -126,7 +126,7 @@ class LockstepDrill(Lockstep):
         return tuple(self._systems.processes)
 
     @property
-    def heard(self) -> dict[str, HeardTopic | ComputedTopic]:
+    def heard(self) -> dict[str, StoredTopic | ComputedTopic]:
         """Everything that was published since the test began, by absolute topic."""
         self.observed = True
         return {**self._collector.topics, **self._computed.topics}
@@ -379,7 +379,7 @@ class LockstepDrill(Lockstep):
             self.observed = True
             raise
 
-    def _heard(self, topic: str) -> HeardTopic | ComputedTopic:
+    def _heard(self, topic: str) -> StoredTopic | ComputedTopic:
         self.observed = True
         heard = self._topic(topic)
         if heard is None:

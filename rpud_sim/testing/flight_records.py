@@ -69,7 +69,7 @@ def heard_of(collector: Collector, computed: ComputedDrill) -> Heard:
     own = f"{collector.node.get_namespace().rstrip('/')}/"
     found = {}
     for name, topic in collector.topics.items():
-        if topic.numbered or name in _OTHERS or name == f"{own}command_results":
+        if topic.numbered_alone or name in _OTHERS or name == f"{own}command_results":
             continue
         rows = [
             (payload, stamp)

@@ -18,7 +18,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import to_time
 from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, TOPICS
-from rpud_sim.testing.collector import Collector, HeardTopic
+from rpud_sim.testing.collector import Collector, StoredTopic
 from rpud_sim.testing.computed import ComputedDrill, ComputedTopic, check_equal
 from rpud_sim.testing.disturbances import Disturbances
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
@@ -168,14 +168,14 @@ class Lockstep:
         self._collector.forget()
         self._changed = True
 
-    def _topic(self, topic: str) -> HeardTopic | ComputedTopic | None:
+    def _topic(self, topic: str) -> StoredTopic | ComputedTopic | None:
         """Return a topic with all its messages; None if it is neither computed nor received.
 
         If a topic of the drill is also received, its messages must equal the computed ones.
         """
         name = self._collector.resolve(topic)
         computed, heard = self._computed.topics.get(name), self._collector.topics.get(name)
-        if heard is not None and heard.numbered:
+        if heard is not None and heard.numbered_alone:
             self._await_published()
         if computed is not None and heard is not None:
             check_equal(computed, heard)

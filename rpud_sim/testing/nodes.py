@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import DiscoveryProbe, node_name
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
-from rpud_sim.testing.collector import Collector, HeardTopic
+from rpud_sim.testing.collector import Collector, StoredTopic
 
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
 _EVENTS = "/parameter_events"  # a topic on which every node publishes
@@ -147,7 +147,7 @@ class Introductions:
 class _Answer:
     name: str
     count: int
-    topic: HeardTopic | None = None
+    topic: StoredTopic | None = None
     begun: int = 0  # messages before the step
 
     @property

@@ -15,6 +15,7 @@ from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
@@ -43,8 +44,9 @@ from rpud_sim.ros.client.listening_node import (
     no_drill,
     to_time,
 )
-from rpud_sim.ros.client.topics import FastTopics, Sink, TopicListener
+from rpud_sim.ros.client.topics import FastTopics, Sink, listen
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.received import ReceivedTopic
 from rpud_sim.simulation.faults import Fault as CheckedFault
 from rpud_sim.simulation.scenario_file import DURATION as FAULT_DURATION
 from rpud_sim.simulation.topics import TOPICS
@@ -56,12 +58,7 @@ SCOPES: Mapping[str, int] = {
     "state": srv.ResetSimulation.Request.SCOPE_STATE,
     "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
-_TOPICS = {
-    "status": Status,
-    "faults": msg.Faults,
-    "journal": msg.JournalEntry,
-    "command_results": msg.CommandResults,
-}
+_RESULTS = "command_results"
 _LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _TINY = 1e-300  # magnitude with the effect of zero, which in a message means the default
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
@@ -97,15 +94,15 @@ class DrillClient(ListeningNode):
     ) -> None:
         super().__init__(node_name, namespace, domain_id, patience)
         self._found = False
+        self._followed: dict[str, ReceivedTopic] = {}
         self._latest: dict[str, Any] = {}  # message by topic
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
-        self._listeners: list[TopicListener] = []
+        self._listened: list[ReceivedTopic] = []
         self._shown = 0  # number of the status that a step returned; those before are older
         # Messages that the drill had published on each topic when the last step ended.
         self.published: Mapping[str, int] = {}
         self._observer: Callable[[str, Any, int], object] = lambda topic, message, published: None
-        for topic, kind in _TOPICS.items():
-            self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
+        self._follow("status", "faults", "journal", _RESULTS)
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
@@ -196,10 +193,11 @@ class DrillClient(ListeningNode):
         Without ``kind`` and ``qos`` they are those of the publishers. ``patience`` is in s.
         """
         self.found()
-        listener = TopicListener(self, topic, kind, qos, patience)
+        messages: list[Any] = []
+        listened = listen(self, topic, messages, kind, qos, patience)
         self._services.introduce()
-        self._listeners.append(listener)
-        return listener.messages
+        self._listened.append(listened)
+        return messages
 
     def observe(self, observer: Callable[[str, Any, int], object], *others: str) -> None:
         """Call a function with topic, message and publishing time [ns] of latched topics.
@@ -207,9 +205,7 @@ class DrillClient(ListeningNode):
         They are status, faults, journal and command_results, and ``others`` of the drill.
         """
         self._observer = observer
-        for topic in others:
-            kind = message_class(TOPICS[topic].type)
-            self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
+        self._follow(*others)
 
     def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
         """Subscribe to fast topics: see ``FastTopics``."""
@@ -392,17 +388,17 @@ class DrillClient(ListeningNode):
         if self.status_number < self.published["status"]:  # those that are still on their way
             self._shown = self.published["status"]
             self._latest["status"] = response.status
-        if self._listeners:
-            self._await_listeners()
+        if self._listened:
+            self._await_listened()
         self.take()
         return response
 
-    def _await_listeners(self) -> None:
+    def _await_listened(self) -> None:
         """Wait until the lists of ``listen`` have what the drill has published."""
         expected = {self.node.resolve_topic_name(n): count for n, count in self.published.items()}
         with suppress(NoAnswerError):  # a best-effort subscription may have lost the last ones
             self.wait_until(
-                lambda: all(each.number >= expected.get(each.name, 0) for each in self._listeners),
+                lambda: all((e.number or 0) >= expected.get(e.name, 0) for e in self._listened),
                 "",
                 min(self.patience, _DELIVERY),
             )
@@ -415,18 +411,26 @@ class DrillClient(ListeningNode):
         self.found()
         self._commands.send(name, message)
 
-    def _on_message(self, topic: str, message: Any, info: dict[str, Any]) -> None:
+    def _follow(self, *topics: str) -> None:
+        """Subscribe to latched topics of the drill."""
+        for topic in topics:
+            kind = msg.CommandResults if topic == _RESULTS else message_class(TOPICS[topic].type)
+            sink = partial(self._on_message, topic, kind)
+            self._followed[topic] = self.subscribe(kind, topic, sink, _LATCHED)
+
+    def _on_message(self, topic: str, kind: Any, data: bytes, published: int, _: int) -> None:
+        message = deserialize_message(data, kind)
         if topic == "status":
-            number = info["publication_sequence_number"]
+            number = self._followed[topic].number or 0
             if number < self.status_number:  # of another process
                 self._shown = 0
             self._numbers.append(number)
             if number < self._shown:
                 return
         self._latest[topic] = message
-        if topic == "command_results":
+        if topic == _RESULTS:
             self._commands.take(message)
-        self._observer(topic, message, info["source_timestamp"])
+        self._observer(topic, message, published)
 
     def _check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing."""

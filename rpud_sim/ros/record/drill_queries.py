@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import STATUS, node_name
-from rpud_sim.ros.record.recorded_topic import is_damaged
+from rpud_sim.ros.received import is_damaged
 from rpud_sim.ros.record.recorder_node import Recorder
 
 if TYPE_CHECKING:
