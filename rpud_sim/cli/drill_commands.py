@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
-from rpud_sim.cli.program import CommandError, ExitCode
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.json_text import finite_values, json_text
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SEED, option, positional, required
-from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def _connected_drill(name: str, options: Any) -> Iterator[DrillClient]:
         try:
             yield drill
         except RefusedError as error:
-            raise CommandError(f"the drill refuses: {error}") from error
+            raise ExpectedError(f"the drill refuses: {error}") from error
 
 
 def _acting(name: str, example: str, text: str, **own: Any) -> Callable[[_Act], _Act]:
@@ -357,7 +357,7 @@ def _received(
                 if wanted is None:
                     return
                 limit = f"within {options.duration:g} s"
-                raise CommandError(f"{shown} of {wanted} messages on {name} {limit}")
+                raise ExpectedError(f"{shown} of {wanted} messages on {name} {limit}")
             listening.spin(rest)
 
 

@@ -22,7 +22,6 @@ from rpud_sim.cli.options import (
     split_ros_arguments,
 )
 from rpud_sim.cli.program import (
-    CommandError,
     ExitCode,
     failing,
     progress_bar,
@@ -31,6 +30,7 @@ from rpud_sim.cli.program import (
     status_line,
 )
 from rpud_sim.foundation.options import parent_flag
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.options import RecordOptions, ReplayOptions
 
@@ -51,7 +51,7 @@ def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     with suppress(BrokenPipeError):
         print(result.summary, flush=True)
     if result.failure:
-        raise CommandError(result.failure)
+        raise ExpectedError(result.failure)
     return ExitCode.DONE
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
 from rpud_sim.cli.options import PARAMETERS, PLACE, command, parameter_values
-from rpud_sim.cli.program import CommandError, ExitCode, failing
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.child_process import RPUD, ChildProcess
 from rpud_sim.foundation.options import (
     POSITIVE_SECONDS,
@@ -25,7 +25,7 @@ from rpud_sim.foundation.options import (
     positional,
     run_time_option,
 )
-from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.options import RecordOptions
 
@@ -246,7 +246,7 @@ def _watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[N
         line = server.first_line(_PAGE_START, lambda: stop.requested)
         print(line, end="", flush=True)
         if not (line or stop.requested):
-            raise CommandError(f"the page cannot be served: {_no_page(server)}")
+            raise ExpectedError(f"the page cannot be served: {_no_page(server)}")
         yield
         if not (server.running or stop.requested):
             complain(_PROGRAM, "the server of the page ended before the drill")

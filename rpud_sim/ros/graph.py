@@ -18,7 +18,7 @@ from rclpy.type_support import check_for_type_support
 
 from rpud_sim.bag.encoder import CODES, Members
 from rpud_sim.bag.encoder import Sequence as SequenceOf
-from rpud_sim.foundation.quantities import did_you_mean
+from rpud_sim.foundation.quantities import ExpectedError, did_you_mean
 
 CLOCK = "/clock"
 STATUS = "rpud_msgs/msg/Status"  # type of the topic that only drills publish
@@ -29,7 +29,7 @@ _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
 _REPETITION = 0.05  # of a probe's request [s]
 
 
-class UnknownTypeError(Exception):
+class UnknownTypeError(ExpectedError):
     """Message type that is not installed."""
 
 

@@ -29,10 +29,6 @@ _KEYS = (rb"^system:", rb"^scenarios:", rb"^expectations:", rb"\banswers:")
 _LONGEST = 100_000  # bytes that a campaign file may have
 
 
-class RunFailedError(AssertionError):
-    """Run of a campaign in which a verdict failed."""
-
-
 class CampaignFile(pytest.File):
     """Campaign file: an item for each run."""
 
@@ -67,7 +63,7 @@ class CampaignItem(pytest.Item):
             self.rpud_flown = flown_run(self._run, BROKEN, 0.0, str(error))
             raise
         if failures := self.rpud_flown.failures:
-            raise RunFailedError("\n".join(failures))
+            raise AssertionError("\n".join(failures))
 
     def teardown(self) -> None:
         give_back_drills(self)

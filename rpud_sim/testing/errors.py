@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.foundation.quantities import ExpectedError
+
 if TYPE_CHECKING:
     from rpud_sim.verdicts import Verdict
 
 
-class DrillError(RuntimeError):
+class DrillError(ExpectedError, RuntimeError):
     """A drill that does not start, or has ended; the text has its last lines."""
 
 
-class LostMessagesError(AssertionError):
+class LostMessagesError(ExpectedError, AssertionError):
     """Messages that the drill has published and the test has not got."""
 
 
-class SystemUnderTestError(AssertionError):
+class SystemUnderTestError(ExpectedError, AssertionError):
     """A process under test that died, hangs, or answers late: ``kind`` is died, silent or late.
 
     ``name`` is of the process, or of the topic on which an answer is missing. ``text`` is the whole
@@ -29,7 +31,7 @@ class SystemUnderTestError(AssertionError):
         self.kind = kind
 
 
-class ExpectationFailedError(AssertionError):
+class ExpectationFailedError(ExpectedError, AssertionError):
     """Expectations that failed or are undecided, a line for each; and all ``verdicts``."""
 
     def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
@@ -37,7 +39,7 @@ class ExpectationFailedError(AssertionError):
         self.verdicts = verdicts
 
 
-class ExpectationUndecidedError(RuntimeError):
+class ExpectationUndecidedError(ExpectedError, RuntimeError):
     """Expectations that are undecided, none of which failed; and all ``verdicts``.
 
     No assertion failed: it is an error of the test, which has tested nothing.
