@@ -13,11 +13,12 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.verbs import EXACTLY_ONE
 
 RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 
 # Groups of options by a rule; any other name of a group is a title.
-AT_MOST_ONE, EXACTLY_ONE = "at most one", "exactly one"
+AT_MOST_ONE = "at most one"
 
 _METAVARS = {"": "N", "%": "PERCENT"}  # of units that are no word
 

@@ -31,6 +31,7 @@ from rpud_sim.foundation.quantities import (
     shown,
 )
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.verbs import verb
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
     CommandSender,
@@ -213,14 +214,14 @@ class DrillClient(ListeningNode):
 
     # Commands: each returns when the drill has accepted it.
 
+    @verb
     def press(self, force: float) -> None:
-        """Command a weight on bit [N]."""
         self._command("weight_on_bit", msg.WeightOnBit(force=_number("force", force)))
 
+    @verb
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
         status = self.status
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
         message = msg.Drive(
@@ -230,8 +231,8 @@ class DrillClient(ListeningNode):
         )
         self._command("drive", message)
 
+    @verb
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
-        """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
@@ -240,13 +241,13 @@ class DrillClient(ListeningNode):
             message = Feed(mode=Feed.MODE_POSITION, position=_number("position", position))
         self._command("feed", message)
 
+    @verb
     def move(self, position: float, velocity: float = 0.0) -> None:
-        """Command the motion of a given mount: place [m] and velocity [m/s], as it acts."""
         place, rate = _number("position", position), _number("velocity", velocity)
         self._command("mount", msg.MountMotion(position=place, velocity=rate))
 
+    @verb
     def engage(self, on: bool = True) -> None:
-        """Put the drill tool into the rock, or take it out."""
         self._ask("engage", SetBool.Request(data=_ON.check("engage", on)), repeat=True)
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
         self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
@@ -271,6 +272,7 @@ class DrillClient(ListeningNode):
 
     # Faults: a call returns when the topic ``faults`` shows the change.
 
+    @verb
     def inject(
         self,
         kind: str,
@@ -278,10 +280,6 @@ class DrillClient(ListeningNode):
         magnitude: float | None = None,
         duration: float | None = None,
     ) -> int:
-        """Inject a fault, such as ``free_mass_jammed``, and return its number.
-
-        ``channel`` is the topic of a signal fault. The duration is simulation time [s].
-        """
         size = math.nan if magnitude is None else _number("magnitude", magnitude)
         if size == 0.0 and CheckedFault(kind, channel, size).declared.magnitude:
             size = _TINY
@@ -300,8 +298,8 @@ class DrillClient(ListeningNode):
         )
         return number
 
+    @verb
     def clear(self, which: int | str = "all") -> list[int]:
-        """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
         if not isinstance(which, str):
             numbers = [int(_FAULT_NUMBER.check("fault", which))]
         else:
@@ -326,19 +324,16 @@ class DrillClient(ListeningNode):
 
     # Simulation time: a call returns when the topic ``status`` shows the change.
 
+    @verb
     def pause(self) -> None:
-        """Let simulation time stand still; a step that is under way is interrupted."""
         self._set_state(msg.SimulationState.STATE_PAUSED, Status.STATE_PAUSED)
 
+    @verb
     def play(self) -> None:
-        """Let simulation time pass by itself."""
         self._set_state(msg.SimulationState.STATE_PLAYING, Status.STATE_RUNNING)
 
+    @verb
     def step(self, seconds: float) -> float:
-        """Advance a paused drill, and return the stamp that it reached [s].
-
-        The messages up to then are in the lists of ``listen``; ``published`` counts all of them.
-        """
         request = srv.StepSimulation.Request(duration=to_time(Duration, "step", seconds))
         return _reached(self._advance("simulation/step", request))
 
@@ -347,11 +342,8 @@ class DrillClient(ListeningNode):
         request = srv.RunToTime.Request(time=to_time(Time, "time", stamp))
         return _reached(self._advance("simulation/run_to", request))
 
+    @verb
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
-        """Begin again: ``all``, ``time``, ``state`` or ``faults``, or bits of the service.
-
-        ``seed`` is of phase, scenario and noise from here on; None for the present one.
-        """
         if isinstance(scope, str) and scope not in SCOPES:
             raise ParameterError(
                 f"scope = {shown(scope)} is unknown; {did_you_mean(scope, SCOPES)}"
