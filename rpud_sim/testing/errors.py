@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.foundation.quantities import ExpectedError
@@ -48,6 +49,13 @@ class ExpectationUndecidedError(ExpectedError, RuntimeError):
     def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
         super().__init__(text)
         self.verdicts = verdicts
+
+
+def subscribed(topics: tuple[str, ...], hears: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the topics of ``subscribes_to``, which 0.3 named ``hears``."""
+    if hears:
+        warnings.warn("hears is now subscribes_to", DeprecationWarning, stacklevel=3)
+    return topics or hears
 
 
 def is_verdict(error: Any) -> bool:

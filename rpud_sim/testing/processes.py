@@ -158,7 +158,7 @@ class DrillProcess:
     def start(self, parameters: Mapping[str, Any], namespace: str) -> None:
         """Start the node in lockstep, with these parameters."""
         self.namespace = namespace
-        # A name, not the path: the journal has it, and is the same in every flight.
+        # A name, not the path: the journal has it, and is the same in every attempt.
         values = {**parameters, **LOCKSTEP, "scenario": self.scenario.name}
         file = self.folder / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))

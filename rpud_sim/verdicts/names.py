@@ -22,9 +22,9 @@ from rpud_sim.verdicts.formulas import (
     Cleared,
     Compare,
     Formula,
+    HasText,
     Onset,
     Published,
-    Says,
     Signal,
     SignalFormula,
 )
@@ -190,7 +190,7 @@ def _check_kind(formula: object) -> None:
 
 def check_use(part: SignalFormula, field: SignalField | None) -> None:
     """Check that a field has the kind and unit with which a formula uses it; None passes."""
-    if isinstance(part, Says):
+    if isinstance(part, HasText):
         if field is not None and not field.says:
             raise ExpectationError(f"{part.signal} is a number: compare it with ==")
         if field is not None and field.is_flag is not isinstance(part.word, bool):

@@ -154,7 +154,7 @@ class DrillClient(ListeningNode):
             return
         patience = self.patience if patience is None else float(patience)
         try:
-            self._services.introduce(patience)
+            self._services.wait_until_discovered(patience)
         except NoAnswerError:
             raise NoDrillError(
                 no_drill(self.node, self.namespace, self.domain_id, patience)
@@ -196,7 +196,7 @@ class DrillClient(ListeningNode):
         self.found()
         messages: list[Any] = []
         listened = listen(self, topic, messages, kind, qos, patience)
-        self._services.introduce()
+        self._services.wait_until_discovered()
         self._listened.append(listened)
         return messages
 

@@ -230,7 +230,7 @@ class ServiceCaller:
         """Make the client of a further service, unless it is there."""
         if name not in self._clients:
             self._clients[name] = self._listening.node.create_client(kind, name)
-            self.introduce()
+            self.wait_until_discovered()
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
         """Call a service, again and again with ``repeat``; a refusal is a RefusedError."""
@@ -246,7 +246,7 @@ class ServiceCaller:
             raise RefusedError(getattr(result, "message", "the log of the drill says why"))
         return response
 
-    def introduce(self, patience: float | None = None) -> None:
+    def wait_until_discovered(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
         Discovery reports them in the order in which they were made: it answers the last one.
@@ -315,7 +315,7 @@ class CommandSender:
         """Return a publisher of a command that the drill has discovered, made for the first one."""
         topic = f"command/{name}"
         publisher = self._node.create_publisher(kind, topic, _COMMAND_DEPTH)
-        self._services.introduce()
+        self._services.wait_until_discovered()
         self._listening.wait_until(
             lambda: self._is_discovered(publisher), f"the drill did not subscribe to {topic}"
         )
