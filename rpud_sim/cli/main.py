@@ -111,7 +111,7 @@ def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
         parser.prog = f"rpud {arguments.command}"
         parser.error(f"unrecognized arguments: {' '.join(further)}")
     arguments.further = further
-    return chosen.run(options_from(arguments, chosen.fields, chosen.kind))
+    return chosen.run(options_from(arguments, chosen.fields))
 
 
 def main(words: Sequence[str] | None = None) -> None:
