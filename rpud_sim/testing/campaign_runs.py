@@ -196,7 +196,7 @@ class MatrixCell(NamedTuple):
 
 
 class CampaignResults:
-    """Results of those runs of a campaign that were attempt, in the order of the campaign."""
+    """Results of those runs of a campaign that were made, in the order of the campaign."""
 
     def __init__(self, campaign: Campaign, runs: Sequence[RecordedAttempt]) -> None:
         self.campaign = campaign
