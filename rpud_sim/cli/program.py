@@ -49,7 +49,7 @@ class ExitCode(enum.IntEnum):
 
     DONE = 0
     FAILED = 1
-    USAGE = 2  # wrong call: an argument, a parameter or a file of parameters cannot be used
+    USAGE = 2  # usage error: an argument, a parameter or a file of parameters cannot be used
     INCOMPLETE = 3  # done, but a part is damaged, lost, different or not met
     INTERRUPTED = 130  # ended by Ctrl-C, as shells count it
 

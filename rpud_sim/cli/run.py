@@ -339,4 +339,4 @@ def _open_browser(url: str) -> None:
         browser = None
     # A browser in the terminal would take it, and cannot show the page.
     if browser is None or type(browser) is webbrowser.GenericBrowser or not browser.open(url):
-        complain("rpud watch", "no browser here: open the address yourself")
+        complain("rpud watch", "no browser found; open the URL manually")

@@ -33,7 +33,7 @@ _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
     "A campaign runs scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
-    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
+    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 usage error, 3 one failed.",
     subject=positional("BAG|CAMPAIGN", "a bag, or a campaign file that ends in .yaml"),
     expect=option(None, "expectations, as in docs/reference", metavar="FILE"),
     namespace=option(None, "of the drill, if the bag has several", metavar="NAME"),

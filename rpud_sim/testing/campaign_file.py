@@ -50,7 +50,7 @@ def _pattern(cursor: Cursor) -> str:
     try:
         re.compile(line(cursor))
     except re.error as error:
-        raise cursor.wrong(f"is no regular expression: {error}") from None
+        raise cursor.wrong(f"is not a valid regular expression: {error}") from None
     return str(cursor.value)
 
 

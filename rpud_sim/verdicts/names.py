@@ -184,7 +184,7 @@ def _check_formula(formula: Formula) -> None:
 def _check_kind(formula: object) -> None:
     if not isinstance(formula, Formula):
         raise ExpectationError(
-            f"{shown(formula)} is no formula; a signal is compared by <, <=, >, >=, equals or has_text"
+            f"{shown(formula)} is no formula; compare a signal by <, <=, >, >=, equals or has_text"
         )
 
 

@@ -177,7 +177,7 @@ def test_a_recorder_that_is_started_in_a_stream_of_commands(
     with streaming(client):
         await_entries(client, 2000)
         recorder = process("rpud", "record", "--out", tmp_path / "bag")
-        recorder.wait_for_line(r"got \d+ entries of /rpud/journal that had not come")
+        recorder.wait_for_line(r"fetched \d+ missing entries of /rpud/journal")
         await_entries(client, 200)
     end(drill, recorder)
     proved(tmp_path / "bag", recorder)
@@ -196,7 +196,7 @@ def test_a_recorder_that_stands_still_in_a_stream_of_commands(
         os.kill(recorder.pid, signal.SIGSTOP)
         await_entries(client, 2500)
         os.kill(recorder.pid, signal.SIGCONT)
-        recorder.wait_for_line(r"got \d+ entries of /rpud/journal that had not come")
+        recorder.wait_for_line(r"fetched \d+ missing entries of /rpud/journal")
         await_entries(client, 200)
     end(drill, recorder)
     verification = proved(tmp_path / "bag", recorder)

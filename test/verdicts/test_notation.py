@@ -219,7 +219,7 @@ def test_a_file_of_another_form_is_refused(tmp_path, content, complaint):
 
 
 def test_a_signal_compared_as_a_value_is_no_formula():
-    with pytest.raises(ExpectationError, match="False is no formula; a signal is compared by <"):
+    with pytest.raises(ExpectationError, match="False is no formula; compare a signal by <"):
         Expectation("it", always(WEIGHT == 0))
     with pytest.raises(ExpectationError, match=r"^signal\('status.weight_on_bit'\) is no formula"):
         Expectation("it", always(WEIGHT))

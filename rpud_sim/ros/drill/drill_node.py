@@ -259,7 +259,7 @@ def spin(
                 serve(executor, node.refuse_request)
                 show(node.report)
         if stop.orphaned:
-            node.get_logger().warning("the process that started the drill has ended: it ends, too")
+            node.get_logger().warning("parent process exited; shutting down")
     finally:
         with limited_end():
             session = node.loop.started

@@ -214,7 +214,7 @@ class JournalQuery:
             missing -= len(entries)
             first = int(entries[-1][0].sequence) + 1
         logger = self._node.get_logger()
-        logger.info(f"got {wanted - missing} entries of {topic} that had not come")
+        logger.info(f"fetched {wanted - missing} missing entries of {topic} from the drill")
         if missing:
             logger.warning(f"the drill has dropped {missing} entries of {topic}")
         if before is not None:  # what came before the recorder is not lost

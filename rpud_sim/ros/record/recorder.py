@@ -68,7 +68,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             query, journals = ParameterQuery(node, sys.argv), JournalQuery(node)
             _collect(node, query, journals, bag, options, stop, show)
             if stop.orphaned:
-                node.get_logger().warning("the process that started the recorder has ended")
+                node.get_logger().warning("parent process exited; shutting down")
             node.end()
             time.sleep(_DRAIN_TIME)
             node.receive_all()
