@@ -83,11 +83,10 @@ _READY = "recording\n"  # that the recorder prints when it records
     allow_duplicate=option(
         False, "start even if a drill of the same name runs; both answer the same requests"
     ),
-    use_sim_time=option(False, "follow the /clock of another simulator"),
     quiet=option(False, "no live line of rate and forces"),
 )
 def _run(options: Any) -> int:
-    values = {**parameter_values(options), "use_sim_time": options.use_sim_time}
+    values = parameter_values(options)
     rocks = options.config or any(name.startswith(("rock_", "strata")) for name in values)
     if options.watch is not None and not rocks:
         values["strata"] = WATCHED_STRATA
