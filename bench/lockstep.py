@@ -67,7 +67,7 @@ def lockstep() -> Iterator[Row]:
                 alone.append(_speed(drill, _LONG, 1))
                 short.append(_speed(drill, _SHORT, _STEPS))
             drill.with_answers("answer")
-            drill.start("python", str(node), hears=("reacting_force",))
+            drill.start("python", str(node), subscribes_to=("reacting_force",))
             drill.step(1.0)
             for _ in range(_TURNS):
                 answered.append(_speed(drill, _ANSWERS, 1))

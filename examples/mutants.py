@@ -50,7 +50,7 @@ MUTANTS = {
 # Variables for the processes of pytest: folder of the mutants; whether one catch is enough.
 FILES, FIRST = "SUPERVISOR_MUTANTS", "SUPERVISOR_FIRST_CATCH"
 CAUGHT = "caught by"  # name of the properties in the reports of tests
-DONE = pytest.StashKey()  # mutants that need no further flight
+DONE = pytest.StashKey()  # mutants that need no further run
 ANSWER = "REQ-08"  # is broken by a supervisor that dies or does not answer
 
 
@@ -78,7 +78,7 @@ def pytest_generate_tests(metafunc):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item, call):
-    """Note what has caught a mutant; one that does not answer takes long in every flight."""
+    """Note what has caught a mutant; one that does not answer takes long in every run."""
     report = (yield).get_result()
     if call.when != "call" or "supervisor" not in item.fixturenames:
         return
@@ -94,7 +94,7 @@ def pytest_runtest_makereport(item, call):
 
 
 def pytest_runtest_setup(item):
-    """Skip further flights of a mutant of which enough is known."""
+    """Skip further runs of a mutant of which enough is known."""
     done = item.config.stash.get(DONE, ())
     if "supervisor" in item.fixturenames and item.callspec.params["supervisor"].stem in done:
         pytest.skip("enough is known of it")

@@ -25,7 +25,7 @@ def start(drill, supervisor=SUPERVISOR, **parameters):
     drill.with_answers(*ANSWERS, period=PERIOD)
     words = [f"-p {name}:={value}" for name, value in parameters.items()]
     command = f"python {supervisor} --ros-args -r __ns:={drill.namespace} {' '.join(words)}"
-    drill.start(command, hears=HEARD, ready="the drill is there")
+    drill.start(command, subscribes_to=HEARD, ready="the drill is there")
 
 
 @pytest.mark.extended

@@ -34,29 +34,29 @@ def start(drill, supervisor):
     """Start the supervisor; each step is over when it has commanded."""
     drill.with_answers(*ANSWERS)
     command = ("python", str(supervisor), "--ros-args", "-r", f"__ns:={drill.namespace}")
-    return drill.start(*command, hears=("wrench",), ready="the drill is there")
+    return drill.start(*command, subscribes_to=("wrench",), ready="the drill is there")
 
 
 def expect(drill, *identifiers):
-    """Check what holds in every flight, and further requirements."""
+    """Check what holds in every run, and further requirements."""
     drill.expect(*(REQUIREMENTS[each] for each in (*IN_EVERY_FLIGHT, *identifiers)))
 
 
 @pytest.fixture(scope="module")
-def flights():
-    """Reacting forces of the flights with a jam, by supervisor."""
+def runs():
+    """Reacting forces of the runs with a jam, by supervisor."""
     return {}
 
 
 @pytest.mark.parametrize("time", ["once", "again"])
-def test_it_drills_at_its_target_and_retreats_from_a_jam(drill, supervisor, flights, time):
+def test_it_drills_at_its_target_and_retreats_from_a_jam(drill, supervisor, runs, time):
     start(drill, supervisor)
     drill.step(5.0)
     drill.inject("free_mass_jammed")
     drill.step(1.0)
     expect(drill, "REQ-04", "REQ-06", "REQ-07")
     forces = [message.force for message in drill.messages("reacting_force")]
-    assert forces == flights.setdefault(supervisor, forces)  # again, to the last bit
+    assert forces == runs.setdefault(supervisor, forces)  # again, to the last bit
 
 
 def test_it_goes_on_with_noise_lost_messages_and_a_lost_preload(drill, supervisor):

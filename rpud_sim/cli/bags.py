@@ -94,7 +94,7 @@ def _moment(nanoseconds: int) -> str:
     "recover",
     "bags/torn --out bags/whole",
     "make a complete bag from one that was cut off or damaged",
-    "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 wrong call.",
+    "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 usage error.",
     JSON,
     torn=positional("TORN", "a bag's folder or one MCAP file; it is not changed"),
     out=required("the bag's new folder; nothing is overwritten", metavar="DIR"),
@@ -144,7 +144,7 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     "bags/first",
     "run a bag's simulation again and compare every message, bit for bit",
     "Exit codes: 0 proved, 3 a message differs or, with --strict, is missing, 1 it cannot be "
-    "decided or messages are missing at the end, 2 wrong call.",
+    "decided or messages are missing at the end, 2 usage error.",
     BAG,
     strict=option(False, "exit code 3 also if messages are missing between recorded ones"),
 )
@@ -215,7 +215,7 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     "It writes one table for each topic, and export.json with types, units, losses and the "
     "configuration of the run. With --rate it writes one table instead: every channel of the "
     "waveform, rebuilt exactly from the trajectory. Exit codes: 0 done, 3 done but for damaged "
-    "parts, 1 failed, 2 wrong call.",
+    "parts, 1 failed, 2 usage error.",
     BAG,
     out=required("new folder for the files", metavar="DIR"),
     format=option(_FORMATS[0], "of the files", choices=_FORMATS),
@@ -266,7 +266,7 @@ def _rebuilt_lines(rebuilt: Any) -> Iterator[str]:
     "write a report of a bag as one HTML page",
     "The page is the screen of `rpud watch`, with the whole run as an overview, some blocks of "
     "motion, and values by segment between commands and faults. It needs no other file and no "
-    "network. Exit codes: 0 done, 3 done but for damaged parts, 1 failed, 2 wrong call.",
+    "network. Exit codes: 0 done, 3 done but for damaged parts, 1 failed, 2 usage error.",
     BAG,
     out=option("report.html", "new file", metavar="FILE"),
     namespace=option("", "drill; default: the first", metavar="NAME"),
@@ -301,7 +301,7 @@ def _each(name: str, metavar: str = "N") -> dict[str, Any]:
     "compare two runs: settings, metrics and bits",
     "The first run is the reference. Exit codes: 0 no difference found, or all within the "
     "tolerance, 3 a metric differs or a part of a bag is damaged, 1 it cannot be decided or "
-    "failed, 2 wrong call.",
+    "failed, 2 usage error.",
     JSON,
     bag=positional("A", "bag of the reference: a folder or one MCAP file"),
     other=positional("B", "bag to compare with it"),

@@ -18,11 +18,11 @@ from rpud_sim.cli.options import (
     Parser,
     add_options,
     command,
+    fields_of,
     options_from,
     split_ros_arguments,
 )
 from rpud_sim.cli.program import (
-    CommandError,
     ExitCode,
     failing,
     progress_bar,
@@ -31,6 +31,7 @@ from rpud_sim.cli.program import (
     status_line,
 )
 from rpud_sim.foundation.options import parent_flag
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.options import RecordOptions, ReplayOptions
 
@@ -41,17 +42,17 @@ _REPLAY_BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
     "record",
     "--out bags/first --duration 10",
     "record ROS topics into a bag that rosbag2 reads",
-    shared=RecordOptions,
+    shared=fields_of(RecordOptions),
 )
-def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
+def _record(options: Any, ros_arguments: Sequence[str] = ()) -> int:
     from rpud_sim.ros.record import recorder
 
     with status_line(printable(Path(options.out).name)) as show:
-        result = recorder.record(options, ros_arguments, show)
+        result = recorder.record(RecordOptions(**vars(options)), ros_arguments, show)
     with suppress(BrokenPipeError):
         print(result.summary, flush=True)
     if result.failure:
-        raise CommandError(result.failure)
+        raise ExpectedError(result.failure)
     return ExitCode.DONE
 
 
@@ -59,14 +60,14 @@ def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     "replay",
     "bags/first --rate 0.5",
     "publish a bag's messages with their types, QoS and timing",
-    "Exit codes: 0 done, 3 done but for messages that are no plain CDR, 1 failed, 2 wrong call.",
-    shared=ReplayOptions,
+    "Exit codes: 0 done, 3 done but for messages that are no plain CDR, 1 failed, 2 usage error.",
+    shared=fields_of(ReplayOptions),
 )
-def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
+def _replay(options: Any, ros_arguments: Sequence[str] = ()) -> int:
     from rpud_sim.ros.replay import replayer
 
     bar = partial(progress_bar, "s", delay=0.0, layout=_REPLAY_BAR)
-    result = replayer.replay(options, ros_arguments, bar)
+    result = replayer.replay(ReplayOptions(**vars(options)), ros_arguments, bar)
     print(result.summary, flush=True)
     return ExitCode.DONE if result.complete else ExitCode.INCOMPLETE
 
@@ -103,7 +104,7 @@ def _execute(name: str, parser: Parser) -> None:
 
     def execute() -> int:
         words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        options = options_from(parser.parse_args(words), same.fields, same.kind)
+        options = options_from(parser.parse_args(words), same.fields)
         return same.run(options, ros_arguments)
 
     program = name if name == parser.prog else f"rpud {name}"

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from rpud_sim.cli.options import DECLARED, Command, Parser, add_options, options_from
 from rpud_sim.cli.program import report_errors, run_program
 from rpud_sim.foundation.quantities import did_you_mean
+from rpud_sim.foundation.verbs import VERBS
 
 _MODULES = (
     ("drill", "run", "run"),
@@ -18,7 +19,7 @@ _MODULES = (
     ("drill", "run", "watch"),
     (
         *("command a running drill", "drill_commands"),
-        "press drive feed move engage inject clear pause play step reset set echo",
+        f"{' '.join(VERBS)} set echo",
     ),
     ("bags", "bags", "info recover verify"),
     ("bags", "simulate", "fork"),
@@ -110,7 +111,7 @@ def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
         parser.prog = f"rpud {arguments.command}"
         parser.error(f"unrecognized arguments: {' '.join(further)}")
     arguments.further = further
-    return chosen.run(options_from(arguments, chosen.fields, chosen.kind))
+    return chosen.run(options_from(arguments, chosen.fields))
 
 
 def main(words: Sequence[str] | None = None) -> None:

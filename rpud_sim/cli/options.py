@@ -13,11 +13,12 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.verbs import EXACTLY_ONE
 
 RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 
 # Groups of options by a rule; any other name of a group is a title.
-AT_MOST_ONE, EXACTLY_ONE = "at most one", "exactly one"
+AT_MOST_ONE = "at most one"
 
 _METAVARS = {"": "N", "%": "PERCENT"}  # of units that are no word
 
@@ -32,7 +33,6 @@ class Command(NamedTuple):
     fields: Fields  # its arguments
     run: Callable[..., int]  # takes the options, returns the exit code
     details: str  # sentences for its own help
-    kind: Callable[..., Any]  # makes the options of their values by name
 
 
 DECLARED: dict[str, Command] = {}
@@ -46,21 +46,17 @@ def command(
     example: str,
     text: str,
     details: str = "",
-    shared: Fields | type[Any] = MappingProxyType({}),
+    shared: Fields = MappingProxyType({}),
     **own: Any,
 ) -> Callable[[_Run], _Run]:
     """Declare the function of a command: the words of an example, its help, and its options.
 
-    ``shared`` are options that others have, too, or a dataclass with all of them; ``own`` are
-    further ones.
+    ``shared`` are options that others have, too; ``own`` are further ones.
     """
-    fields = fields_of(shared) if isinstance(shared, type) else {**shared, **own}
-    kind: Callable[..., Any] = shared if isinstance(shared, type) else SimpleNamespace
 
     def declare(run: _Run) -> _Run:
-        DECLARED[name] = Command(
-            f"rpud {name} {example}".rstrip(), text, fields, run, details, kind
-        )
+        call = f"rpud {name} {example}".rstrip()
+        DECLARED[name] = Command(call, text, {**shared, **own}, run, details)
         return run
 
     return declare
@@ -144,7 +140,7 @@ def _flag(name: str, field: Any) -> str:
     return str(field.metadata.get("flag", f"--{name.replace('_', '-')}"))
 
 
-def options_from(arguments: argparse.Namespace, fields: Fields, kind: Callable[..., Any]) -> Any:
+def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespace:
     """Return the options of parsed arguments; one that is not given has its default.
 
     A number outside its range is a ParameterError that names the option.
@@ -160,7 +156,7 @@ def options_from(arguments: argparse.Namespace, fields: Fields, kind: Callable[.
         elif quantity:
             value = quantity.check(_flag(name, field), _number(value))
         values[name] = value
-    return kind(**values)
+    return SimpleNamespace(**values)
 
 
 def _number(value: Any) -> Any:

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from rpud_sim.cli import ENDING
 from rpud_sim.foundation.json_text import check_finite, json_text
-from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning, ParameterError
+from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning
 from rpud_sim.foundation.terminal import complain
 
 # Environment variable: where it is set, an unexpected error shows its traceback.
@@ -49,17 +49,9 @@ class ExitCode(enum.IntEnum):
 
     DONE = 0
     FAILED = 1
-    USAGE = 2  # wrong call: an argument, a parameter or a file of parameters cannot be used
+    USAGE = 2  # usage error: an argument, a parameter or a file of parameters cannot be used
     INCOMPLETE = 3  # done, but a part is damaged, lost, different or not met
     INTERRUPTED = 130  # ended by Ctrl-C, as shells count it
-
-
-class CommandError(ExpectedError):
-    """Expected end of a command: one line and an exit code."""
-
-    def __init__(self, reason: object, code: ExitCode = ExitCode.FAILED) -> None:
-        super().__init__(str(reason))
-        self.code = code
 
 
 @contextmanager
@@ -70,7 +62,7 @@ def failing(kind: type[Exception]) -> Iterator[None]:
     except ExpectedError:
         raise
     except kind as error:
-        raise CommandError(error) from error
+        raise ExpectedError(error) from error
 
 
 def report_errors(program: str, run: Callable[[], int]) -> int:
@@ -78,9 +70,6 @@ def report_errors(program: str, run: Callable[[], int]) -> int:
     with _expected_warnings(program):
         try:
             return run()
-        except ParameterError as error:
-            complain(program, error)
-            return ExitCode.USAGE
         except ExpectedError as error:
             complain(program, error)
             return error.code

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
 from rpud_sim.cli.options import PARAMETERS, PLACE, command, parameter_values
-from rpud_sim.cli.program import CommandError, ExitCode, failing
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.child_process import RPUD, ChildProcess
 from rpud_sim.foundation.options import (
     POSITIVE_SECONDS,
@@ -25,7 +25,7 @@ from rpud_sim.foundation.options import (
     positional,
     run_time_option,
 )
-from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.options import RecordOptions
 
@@ -83,11 +83,10 @@ _READY = "recording\n"  # that the recorder prints when it records
     allow_duplicate=option(
         False, "start even if a drill of the same name runs; both answer the same requests"
     ),
-    use_sim_time=option(False, "follow the /clock of another simulator"),
     quiet=option(False, "no live line of rate and forces"),
 )
 def _run(options: Any) -> int:
-    values = {**parameter_values(options), "use_sim_time": options.use_sim_time}
+    values = parameter_values(options)
     rocks = options.config or any(name.startswith(("rock_", "strata")) for name in values)
     if options.watch is not None and not rocks:
         values["strata"] = WATCHED_STRATA
@@ -246,7 +245,7 @@ def _watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[N
         line = server.first_line(_PAGE_START, lambda: stop.requested)
         print(line, end="", flush=True)
         if not (line or stop.requested):
-            raise CommandError(f"the page cannot be served: {_no_page(server)}")
+            raise ExpectedError(f"the page cannot be served: {_no_page(server)}")
         yield
         if not (server.running or stop.requested):
             complain(_PROGRAM, "the server of the page ended before the drill")
@@ -339,4 +338,4 @@ def _open_browser(url: str) -> None:
         browser = None
     # A browser in the terminal would take it, and cannot show the page.
     if browser is None or type(browser) is webbrowser.GenericBrowser or not browser.open(url):
-        complain("rpud watch", "no browser here: open the address yourself")
+        complain("rpud watch", "no browser found; open the URL manually")

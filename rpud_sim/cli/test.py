@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
-from rpud_sim.cli.program import CommandError, ExitCode, failing, print_result, progress_bar
+from rpud_sim.cli.program import ExitCode, print_result, progress_bar
 from rpud_sim.foundation.options import option, positional
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.whole_folder import whole_file
 
@@ -32,7 +33,7 @@ _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
     "A campaign runs scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
-    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
+    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 usage error, 3 one failed.",
     subject=positional("BAG|CAMPAIGN", "a bag, or a campaign file that ends in .yaml"),
     expect=option(None, "expectations, as in docs/reference", metavar="FILE"),
     namespace=option(None, "of the drill, if the bag has several", metavar="NAME"),
@@ -47,16 +48,18 @@ def _run(options: Any) -> int:
         return _test_campaign(options)
     if options.further:
         words = printable(" ".join(options.further))
-        raise CommandError(f"unrecognized arguments: {words}; see rpud test --help", ExitCode.USAGE)
+        raise ExpectedError(
+            f"unrecognized arguments: {words}; see rpud test --help", ExitCode.USAGE
+        )
     if options.expect is None:
-        raise CommandError("a bag needs --expect FILE; see rpud test --help", ExitCode.USAGE)
+        raise ParameterError("a bag needs --expect FILE; see rpud test --help")
     return _test_bag(options, options.expect)
 
 
 def _test_campaign(options: Any) -> int:
     for name in ("expect", "namespace", "json"):
         if getattr(options, name):
-            raise CommandError(f"--{name} is for bags", ExitCode.USAGE)
+            raise ParameterError(f"--{name} is for bags")
     import pytest
 
     # Where a package is missing, this fails in one line, and pytest would not.
@@ -103,8 +106,10 @@ def _test_bag(options: Any, expect: str) -> int:
         record = Record.from_bag(
             options.subject, topics, options.namespace, bar.update, expectations
         )
-    with failing(ExpectationError):  # they fit the types: a message holds an impossible value
+    try:
         verdicts = [evaluate(each, record) for each in expectations]
+    except ExpectationError as error:  # they fit the types: a message holds an impossible value
+        raise ExpectedError(error) from error
     for topic in topics:
         if lost := record.missing(topic).total:
             complain("rpud test", f"{lost} messages of {topic} are lost")

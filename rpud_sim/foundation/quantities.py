@@ -19,18 +19,26 @@ from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
-
-class ParameterError(ValueError):
-    """Unusable parameter; the text names parameter, value, unit and allowed range."""
-
-
 _MOST_LISTED = 30  # names in a message
 
 
 class ExpectedError(Exception):
-    """Failure that ends a command with its text as one line."""
+    """Base of the errors of this package: failure that ends a command with its text as one line.
 
-    code = 1  # that the command then exits with; 2 for a wrong call
+    ``code`` is the exit code of the command; that of the class where it is not given.
+    """
+
+    code = 1  # 2 for a usage error
+
+    def __init__(self, reason: object = "", code: int | None = None) -> None:
+        super().__init__(str(reason))
+        self.code = type(self).code if code is None else code
+
+
+class ParameterError(ExpectedError, ValueError):
+    """Unusable parameter; the text names parameter, value, unit and allowed range."""
+
+    code = 2
 
 
 class ExpectedWarning(UserWarning):

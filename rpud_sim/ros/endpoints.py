@@ -1,15 +1,13 @@
-"""Publishers that wait for their subscribers, and subscriptions with the publishers' QoS."""
+"""Publishers that wait for their subscribers, requests of QoS, and gaps of sequences."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
@@ -19,7 +17,6 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 from rclpy.subscription import Subscription
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
@@ -108,7 +105,7 @@ def taken(subscription: Subscription, most: int = _MOST_AT_ONCE) -> Iterator[tup
 def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
     """Return the strongest request that every offer satisfies; without one a reliable one."""
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
-    latched = bool(offers) and all(map(_is_latched, offers))
+    latched = bool(offers) and all(map(is_latched, offers))
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
@@ -116,7 +113,7 @@ def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
     )
 
 
-def _is_latched(profile: QoSProfile) -> bool:
+def is_latched(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -151,65 +148,6 @@ class SequenceGaps:
         last.append(number)
         if len(last) > _SEQUENCES:
             del last[0]
-
-
-class FollowedTopic:
-    """Topic of one type, subscribed with the strongest QoS that all of its publishers offer."""
-
-    def __init__(
-        self, node: Node, name: str, kind: Any, depth: int, request: QoSProfile | None = None
-    ) -> None:
-        self.name = name  # absolute
-        self.kind = kind  # class of the messages
-        self.received_at = -inf  # when a message came last, by the monotonic clock [s]
-        self.gaps = SequenceGaps(lambda: node.count_publishers(name))
-        self._node = node
-        self._depth = depth
-        self.endpoints = self._publishers()  # publishers that were found last
-        self._offers = [each.qos_profile for each in self.endpoints]  # of those that are there
-        known = self.endpoints or node.get_subscriptions_info_by_topic(name)
-        self.request = request or request_for([each.qos_profile for each in known], depth)
-        self.subscription = self._subscribe()
-
-    @property
-    def latched(self) -> bool:
-        """Whether the last messages of before are requested, too."""
-        return _is_latched(self.request)
-
-    @property
-    def lost(self) -> int:
-        """Messages that are missing between those that came."""
-        return self.gaps.missing
-
-    def close(self) -> None:
-        """Unsubscribe."""
-        self._node.destroy_subscription(self.subscription)
-
-    def renew(self) -> None:
-        """Subscribe again; what the old subscription holds is lost."""
-        self.close()
-        self.subscription = self._subscribe()
-
-    def _has_another_offer(self) -> bool:
-        """Look at the publishers; return whether their offers are for another subscription."""
-        endpoints = self._publishers()
-        self.endpoints = endpoints or self.endpoints
-        self._offers = [each.qos_profile for each in endpoints]
-        request = request_for(self._offers, self._depth)
-        gains = _is_latched(request) and not self.latched and self.received_at == -inf
-        if gains or not is_satisfied(self.request, self._offers):
-            self.request = request
-            return True
-        return False
-
-    def _publishers(self) -> list[TopicEndpointInfo]:
-        return list(self._node.get_publishers_info_by_topic(self.name))
-
-    def _subscribe(self) -> Subscription:
-        # The owner takes the messages, so nothing ever calls the callback.
-        return self._node.create_subscription(
-            self.kind, self.name, lambda _: None, self.request, raw=True
-        )
 
 
 def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:

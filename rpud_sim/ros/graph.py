@@ -16,7 +16,7 @@ from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
 
-from rpud_sim.foundation.quantities import did_you_mean
+from rpud_sim.foundation.quantities import ExpectedError, did_you_mean
 from rpud_sim.messages.encoder import CODES, Members
 from rpud_sim.messages.encoder import Sequence as SequenceOf
 
@@ -29,7 +29,7 @@ _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
 _REPETITION = 0.05  # of a probe's request [s]
 
 
-class UnknownTypeError(Exception):
+class UnknownTypeError(ExpectedError):
     """Message type that is not installed."""
 
 
@@ -51,6 +51,12 @@ def message_class(type_name: str) -> Any:
     except Exception as error:  # a foreign package may raise anything while it is loaded
         reason = " ".join(str(error).split())
     raise UnknownTypeError(f"type {type_name} is not installed here: {reason}")
+
+
+def type_name(message: Any) -> str:
+    """Return the type of a message class, such as ``std_msgs/msg/String``."""
+    package, kind, *_ = message.__module__.split(".")
+    return f"{package}/{kind}/{message.__name__}"
 
 
 def members_of(message: Any) -> Members:

@@ -18,7 +18,7 @@ from typing import Any
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 
-from rpud_sim.foundation.quantities import cut
+from rpud_sim.foundation.quantities import ExpectedError, cut
 
 _POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
@@ -31,15 +31,26 @@ _BOUNDS = [1e3 * 2 ** (step / _STEPS_PER_OCTAVE) for step in range(_OCTAVES * _S
 _BOUNDS.append(inf)
 
 
-class StoppedError(RuntimeError):
-    """A request that cannot be served: the thread has ended, or has not begun."""
+class RequestError(ExpectedError):
+    """A request that is rejected, interrupted or comes too late; nothing has changed.
+
+    ``result`` is a number of ``rpud_msgs/Result``; without one the state does not permit it.
+    """
+
+    def __init__(self, reason: str, result: int | None = None) -> None:
+        super().__init__(reason)
+        self.result = result
 
 
 class Requests:
-    """Queue of actions for the thread that serves them; ``notify`` is called for each."""
+    """Queue of actions for the thread that serves them; ``notify`` is called for each.
 
-    def __init__(self, notify: Callable[[], None]) -> None:
+    After its end a request raises a RequestError with the text ``stopped``.
+    """
+
+    def __init__(self, notify: Callable[[], None], stopped: str = "the drill has stopped") -> None:
         self._notify = notify
+        self._stopped = stopped
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._closed = False
         self._server: threading.Thread | None = None
@@ -59,7 +70,7 @@ class Requests:
                 if result.done():  # just now, or with a timeout of its own
                     result = result.result()
                 elif closed:
-                    raise StoppedError("the drill has stopped") from None
+                    raise RequestError(self._stopped) from None
         return result
 
     def serve(self) -> None:
@@ -73,7 +84,7 @@ class Requests:
                 result.set_exception(error)
 
     def close(self) -> None:
-        """Serve no more: requests that wait raise a StoppedError."""
+        """Serve no more: requests that wait raise a RequestError."""
         self._closed = True
 
 

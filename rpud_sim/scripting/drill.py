@@ -11,6 +11,7 @@ from typing import Any
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.verbs import verb
 from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Clear, Inject, parameter_changes
@@ -149,21 +150,21 @@ class Drill:
 
     # Commands: they act from now on.
 
+    @verb
     def press(self, force: float) -> None:
-        """Command a weight on bit [N]."""
         self._command(WeightOnBit(force))
 
+    @verb
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
         if Flag("").check("drive enabled", enabled):
             self._command(DriveChange(True, voltage, frequency))
         else:
             self._command(Drive(False, voltage or 0.0, frequency or 0.0))
 
+    @verb
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
-        """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
@@ -171,11 +172,8 @@ class Drill:
         elif position is not None:
             self._command(Feed(POSITION, position))
 
+    @verb
     def move(self, position: float, velocity: float = 0.0) -> None:
-        """Command the motion of a given mount: place [m] and velocity [m/s], from now on.
-
-        A mount that moves is held where it is after half a second without a motion.
-        """
         self._command(MountMotion(position, velocity))
         mount = self._run.simulation.process.mount
         if mount is not None and mount.swings and not self._swings:
@@ -186,8 +184,8 @@ class Drill:
                 stacklevel=2,
             )
 
+    @verb
     def engage(self, on: bool = True) -> None:
-        """Put the drill tool into the rock, or take it out."""
         self.set_parameters(regime="drilling" if Flag("").check("engage", on) else "free")
 
     def set_parameters(self, **values: Any) -> None:
@@ -197,6 +195,7 @@ class Drill:
 
     # Faults.
 
+    @verb
     def inject(
         self,
         kind: str,
@@ -204,16 +203,12 @@ class Drill:
         magnitude: float | None = None,
         duration: float | None = None,
     ) -> int:
-        """Inject a fault, such as ``free_mass_jammed``, and return its number.
-
-        ``channel`` is the topic of a signal fault. The duration is simulation time [s].
-        """
         size = math.nan if magnitude is None else magnitude
         length = 0 if duration is None else round(DURATION.check("duration", duration) * SECOND)
         return self._run.apply(Inject(Fault(kind, channel, size), length))[0]
 
+    @verb
     def clear(self, which: int | str = "all") -> list[int]:
-        """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
         faults = self._run.simulation.faults.active
         active = {record.number: record.fault.kind for record in faults}
         numbers = [n for n, kind in active.items() if which in ("all", n, kind)]

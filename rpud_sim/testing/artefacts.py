@@ -28,6 +28,7 @@ from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.messages.definitions import find_definition, find_type_hash
+from rpud_sim.ros.graph import type_name
 from rpud_sim.testing.drill import LockstepDrill
 from rpud_sim.verdicts.verdict import FAILED
 
@@ -140,8 +141,7 @@ def write_bag(path: Path, drill: LockstepDrill, tested: RunVerdict | None = None
         for name, heard in sorted(drill.heard.items()):
             if name == f"{drill.namespace}/waveform":  # large, and the trajectory has it all
                 continue
-            package, _, rest = heard.kind.__module__.partition(".")
-            kind = f"{package}/{rest.split('.')[0]}/{heard.kind.__name__}"
+            kind = type_name(heard.kind)
             offer = QosProfile(durability="transient_local" if heard.latched else "volatile")
             try:
                 definition, type_hash = find_definition(kind), find_type_hash(kind)

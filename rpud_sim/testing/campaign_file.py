@@ -26,6 +26,7 @@ from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, nam
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
+from rpud_sim.testing.errors import subscribed
 from rpud_sim.testing.setup import DrillSetup, drill_setup, find_file
 from rpud_sim.verdicts import Expectation, read_expectations
 from rpud_sim.verdicts.notation import parse_expectations
@@ -49,8 +50,11 @@ def _pattern(cursor: Cursor) -> str:
     try:
         re.compile(line(cursor))
     except re.error as error:
-        raise cursor.wrong(f"is no regular expression: {error}") from None
+        raise cursor.wrong(f"is not a valid regular expression: {error}") from None
     return str(cursor.value)
+
+
+_TOPICS_OF_DRILL = list_of(name_in(TOPICS, "a topic of the drill"), unique=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +68,8 @@ class CampaignSystem:
     arguments: Mapping[str, Any] = key(named(as_it_is), {})  # of the launch file
     folder: str = key(line, "")  # in which it starts, from that of the campaign
     # topics of the drill that it subscribes to
-    hears: tuple[str, ...] = key(list_of(name_in(TOPICS, "a topic of the drill"), unique=True), ())
+    subscribes_to: tuple[str, ...] = key(_TOPICS_OF_DRILL, ())
+    hears: tuple[str, ...] = key(_TOPICS_OF_DRILL, ())  # its name in 0.3
     ready: str = key(_pattern, "")  # that its output has when it is ready; empty for none
     # simulation time between two answers [s]
     period: float = key(Quantity("s", "", 1e-3, 1e3), 0.1)
@@ -72,6 +77,10 @@ class CampaignSystem:
     start_timeout: float = key(_LIMIT, 30.0)  # longest real time until it is ready [s]
     run_timeout: float = key(_LIMIT, 600.0)  # longest real time of a whole run [s]
     campaign: Path = Path()  # folder of the campaign's file
+
+    def __post_init__(self) -> None:
+        if self.hears:
+            object.__setattr__(self, "subscribes_to", subscribed(self.subscribes_to, self.hears))
 
     @property
     def name(self) -> str:

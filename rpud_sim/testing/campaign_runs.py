@@ -1,4 +1,4 @@
-"""Runs of a campaign: flights beside the system under test, and what they say together.
+"""Runs of a campaign: attempts beside the system under test, and what they say together.
 
 The results are each requirement under each scenario, as table, JSON and page.
 """
@@ -43,7 +43,7 @@ ENDINGS = {
 SYSTEM = "system under test"
 
 
-class FlownRun(NamedTuple):
+class RecordedAttempt(NamedTuple):
     """Run of a campaign, how it ended, and the verdicts on it."""
 
     run: CampaignRun
@@ -76,22 +76,22 @@ class FlownRun(NamedTuple):
         }
 
 
-def flown_run(
+def recorded_attempt(
     run: CampaignRun, ending: str, reached: float, text: str, verdicts: Sequence[Verdict] = ()
-) -> FlownRun:
+) -> RecordedAttempt:
     """Return a run with the verdict on the system under test itself."""
     outcome = {COMPLETED: PASSED, BROKEN: UNDECIDED}.get(ending, FAILED)
     reason = text.partition("\n")[0] or ENDINGS[ending]
     system = Verdict(SYSTEM, "", outcome, at=reached, text=reason)
-    return FlownRun(run, ending, reached, text, (system, *verdicts))
+    return RecordedAttempt(run, ending, reached, text, (system, *verdicts))
 
 
-def fly(
+def run_once(
     drill: LockstepDrill,
     run: CampaignRun,
     system: CampaignSystem,
     expectations: Sequence[Expectation],
-) -> FlownRun:
+) -> RecordedAttempt:
     """Step the drill through a run beside the system under test, and judge what was published."""
     topics = {topic for each in expectations for topic in each.topics}
     ending, text = COMPLETED, ""
@@ -102,14 +102,14 @@ def fly(
         if not drill.alive:
             raise DrillError(f"the drill has ended; its last lines:\n{drill.output}") from error
         if _missing(drill, topics):  # it ended before there was something to judge
-            return flown_run(run, ending, drill.time, text)
+            return recorded_attempt(run, ending, drill.time, text)
     try:
         verdicts = drill.expect(*expectations)
     except (ExpectationFailedError, ExpectationUndecidedError) as error:
         verdicts = error.verdicts
     if ending != COMPLETED:
         verdicts = tuple(_cut_short(each, drill.time) for each in verdicts)
-    return flown_run(run, ending, drill.time, text, verdicts)
+    return recorded_attempt(run, ending, drill.time, text, verdicts)
 
 
 def _step_through(
@@ -120,7 +120,7 @@ def _step_through(
     drill.start(
         *system.words,
         name=system.name,
-        hears=system.hears,
+        subscribes_to=system.subscribes_to,
         ready=system.ready or None,
         timeout=system.start_timeout,
     )
@@ -186,7 +186,7 @@ class MatrixCell(NamedTuple):
     margin: float | None  # the least one; None without any, or in two units
     unit: str  # of the margin
     reaction_time: float | None  # the longest one [s]; None without any
-    worst: FlownRun  # run that shows the worst verdict
+    worst: RecordedAttempt  # run that shows the worst verdict
     text: str  # of that verdict
 
     def __str__(self) -> str:
@@ -196,12 +196,12 @@ class MatrixCell(NamedTuple):
 
 
 class CampaignResults:
-    """Results of those runs of a campaign that were flown, in the order of the campaign."""
+    """Results of those runs of a campaign that were made, in the order of the campaign."""
 
-    def __init__(self, campaign: Campaign, runs: Sequence[FlownRun]) -> None:
+    def __init__(self, campaign: Campaign, runs: Sequence[RecordedAttempt]) -> None:
         self.campaign = campaign
         self.runs = tuple(runs)
-        self.scenarios = {flown.run.scenario: flown.run.faults for flown in runs}
+        self.scenarios = {attempt.run.scenario: attempt.run.faults for attempt in runs}
         # Names of the expectations of each requirement: the system under test itself, then those of
         # the campaign; an expectation without a requirement is one.
         self.requirements = {SYSTEM: [SYSTEM], **{name: [] for name in campaign.requirements}}
@@ -211,8 +211,8 @@ class CampaignResults:
         self.cells: dict[tuple[str, str], MatrixCell] = {}
         for name, expectations in self.requirements.items():
             for scenario in ("", *self.scenarios):
-                chosen = [flown for flown in runs if scenario in ("", flown.run.scenario)]
-                pairs = [(verdict, flown) for flown in chosen for verdict in flown.verdicts]
+                chosen = [attempt for attempt in runs if scenario in ("", attempt.run.scenario)]
+                pairs = [(verdict, attempt) for attempt in chosen for verdict in attempt.verdicts]
                 if found := [pair for pair in pairs if pair[0].name in expectations]:
                     self.cells[name, scenario] = _cell(found)
         whole = {name: self.cells.get((name, "")) for name in self.requirements}
@@ -241,7 +241,7 @@ class CampaignResults:
             "campaign": self.campaign.name,
             "counts": self.counts,
             "requirements": self.outcomes,
-            "runs": [flown.to_dict() for flown in self.runs],
+            "runs": [attempt.to_dict() for attempt in self.runs],
         }
 
 
@@ -258,11 +258,11 @@ def results_from_reports(
             verdicts = tuple(Verdict(**each) for each in report["verdicts"])
             files = [report.get(name, "") for name in ("rpud_bag", "rpud_report")]
             relative = [each and Path(each).relative_to(place).as_posix() for each in files]
-            runs.append(FlownRun(run, *ended, verdicts, report["wall_time"], *relative))
+            runs.append(RecordedAttempt(run, *ended, verdicts, report["wall_time"], *relative))
     return CampaignResults(campaign, runs)
 
 
-def _cell(found: Sequence[tuple[Verdict, FlownRun]]) -> MatrixCell:
+def _cell(found: Sequence[tuple[Verdict, RecordedAttempt]]) -> MatrixCell:
     verdicts = [verdict for verdict, _ in found]
     outcomes = [verdict.outcome for verdict in verdicts]
     outcome = next((each for each in (FAILED, PASSED) if each in outcomes), UNDECIDED)
@@ -271,13 +271,13 @@ def _cell(found: Sequence[tuple[Verdict, FlownRun]]) -> MatrixCell:
     margin, unit = min(margins) if one_unit else (None, "")
     reactions = [each.reaction_time for each in verdicts if each.reaction_time is not None]
 
-    def badness(entry: tuple[Verdict, FlownRun]) -> tuple[int, float]:
+    def badness(entry: tuple[Verdict, RecordedAttempt]) -> tuple[int, float]:
         verdict, _ = entry
         margin = float("inf") if verdict.margin is None else verdict.margin
         return (FAILED, UNDECIDED, PASSED).index(verdict.outcome), margin
 
-    worst, flown = min(found, key=badness)
-    return MatrixCell(outcome, margin, unit, max(reactions, default=None), flown, worst.text)
+    worst, attempt = min(found, key=badness)
+    return MatrixCell(outcome, margin, unit, max(reactions, default=None), attempt, worst.text)
 
 
 def campaign_page(results: CampaignResults) -> str:
@@ -295,13 +295,13 @@ def campaign_page(results: CampaignResults) -> str:
         cells = [results.cells.get((name, each)) for each in ("", *results.scenarios)]
         matrix.append([_below(name, text), *map(_field, cells)])
     runs = []
-    for number, flown in enumerate(results.runs, 1):
-        ending = flown.ending if flown.ending == COMPLETED else ENDINGS[flown.ending]
-        judged = {each.name: str(_cell([(each, flown)])) for each in flown.verdicts}
-        times = f"{flown.reached:.3f}", f"{flown.wall_time:.2f}"
+    for number, attempt in enumerate(results.runs, 1):
+        ending = attempt.ending if attempt.ending == COMPLETED else ENDINGS[attempt.ending]
+        judged = {each.name: str(_cell([(each, attempt)])) for each in attempt.verdicts}
+        times = f"{attempt.reached:.3f}", f"{attempt.wall_time:.2f}"
         row = [judged.get(name, "-") for name in names]
-        runs.append([number, flown.run.name, ending, *times, *row, _links(flown)])
-    failed = [flown for flown in results.runs if flown.failures]
+        runs.append([number, attempt.run.name, ending, *times, *row, _links(attempt)])
+    failed = [attempt for attempt in results.runs if attempt.failures]
     return render_page(
         _BODY,
         campaign.name,
@@ -309,8 +309,8 @@ def campaign_page(results: CampaignResults) -> str:
         counts=results.sums,
         matrix=matrix,
         failures=[
-            (flown.run.name, _links(flown), "\n".join(flown.failures).splitlines())
-            for flown in failed[:_MOST_FAILURES]
+            (attempt.run.name, _links(attempt), "\n".join(attempt.failures).splitlines())
+            for attempt in failed[:_MOST_FAILURES]
         ],
         heading=["number", "run", "ending", "simulated [s]", "real [s]", *names, "artefacts"],
         runs=runs,
@@ -334,7 +334,7 @@ def _field(cell: MatrixCell | None) -> Markup:
     )
 
 
-def _links(flown: FlownRun) -> Markup:
-    files = {"report": flown.report, "bag": flown.bag}
+def _links(attempt: RecordedAttempt) -> Markup:
+    files = {"report": attempt.report, "bag": attempt.bag}
     link = Markup('<a href="{}">{}</a> ')
     return Markup("").join(link.format(quote(p), name) for name, p in files.items() if p)

@@ -21,16 +21,12 @@ from rpud_sim.testing.item_drills import give_back_drills, take_drill
 
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign_file import Campaign, CampaignRun
-    from rpud_sim.testing.campaign_runs import CampaignResults, FlownRun
+    from rpud_sim.testing.campaign_runs import CampaignResults, RecordedAttempt
 
 NAME = "rpud_campaigns"  # of the plugin, by which its results are found
 # Keys that together only campaigns have.
 _KEYS = (rb"^system:", rb"^scenarios:", rb"^expectations:", rb"\banswers:")
 _LONGEST = 100_000  # bytes that a campaign file may have
-
-
-class RunFailedError(AssertionError):
-    """Run of a campaign in which a verdict failed."""
 
 
 class CampaignFile(pytest.File):
@@ -53,21 +49,21 @@ class CampaignItem(pytest.Item):
     def __init__(self, run: CampaignRun, campaign: Campaign, **options: Any) -> None:
         super().__init__(**options)
         self._run, self._campaign = run, campaign
-        self.rpud_flown: FlownRun | None = None
+        self.rpud_attempt: RecordedAttempt | None = None
 
     def runtest(self) -> None:
         """Fly the run; a failed verdict fails the test, an undecided one another run may decide."""
-        from rpud_sim.testing.campaign_runs import BROKEN, flown_run, fly
+        from rpud_sim.testing.campaign_runs import BROKEN, recorded_attempt, run_once
 
         system = self._campaign.system
         try:
             drill = take_drill(self, self._run.setup, system.place)
-            self.rpud_flown = fly(drill, self._run, system, self._campaign.expectations)
+            self.rpud_attempt = run_once(drill, self._run, system, self._campaign.expectations)
         except (DrillError, LostMessagesError, ParameterError) as error:
-            self.rpud_flown = flown_run(self._run, BROKEN, 0.0, str(error))
+            self.rpud_attempt = recorded_attempt(self._run, BROKEN, 0.0, str(error))
             raise
-        if failures := self.rpud_flown.failures:
-            raise RunFailedError("\n".join(failures))
+        if failures := self.rpud_attempt.failures:
+            raise AssertionError("\n".join(failures))
 
     def teardown(self) -> None:
         give_back_drills(self)
@@ -130,9 +126,9 @@ class CampaignSession:
     ) -> Generator[None, Any, None]:
         """Add the outcome of a run to its report, which may go to another process."""
         result = yield
-        flown = getattr(item, "rpud_flown", None)
-        if call.when == "call" and flown is not None:
-            run = {"file": str(item.path), "name": item.name, **flown.to_dict()}
+        attempt = getattr(item, "rpud_attempt", None)
+        if call.when == "call" and attempt is not None:
+            run = {"file": str(item.path), "name": item.name, **attempt.to_dict()}
             result.get_result().rpud_run = run
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -145,7 +141,7 @@ class CampaignSession:
 
     @pytest.hookimpl(tryfirst=True)  # before the results of pytest are written
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Write the page and the results of each campaign of which a run was flown."""
+        """Write the page and the results of each campaign of which a run was attempt."""
         if not self._runs or hasattr(self._config, "workerinput"):
             return
         from rpud_sim.testing.campaign_runs import campaign_page, results_from_reports

@@ -19,24 +19,25 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topics import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
-from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps, request_for, taken
+from rpud_sim.ros.endpoints import SequenceGaps, request_for
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.received import DEPTH, ReceivedTopic
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
 _STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")  # types of a first field with a time
 _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}  # by the byte order of the payload
 _STAMP_AT = 4  # bytes from the beginning of a payload
-_DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more
 _LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s]
 __tracebackhide__ = is_verdict
 
 
-class HeardTopic(FollowedTopic):
+class StoredTopic(ReceivedTopic):
     """Messages of a topic in order, decoded when they are asked for.
 
-    ``numbered`` says whether one publisher alone numbers the messages, so that a gap is a loss.
-    With ``changes`` a message that repeats the one before, but for its timing, is left out.
+    ``numbered_alone`` says whether one publisher numbers the messages, so that a gap is a loss.
+    With ``changes`` a message that repeats the one before, but for its timing, is left out. A
+    message without a stamp has the time of ``clock`` [ns].
     """
 
     def __init__(
@@ -45,39 +46,32 @@ class HeardTopic(FollowedTopic):
         name: str,
         kind: Any,
         qos: QoSProfile,
-        numbered: bool = False,
+        clock: Callable[[], int],
+        numbered_alone: bool = False,
         changes: bool = False,
     ) -> None:
-        super().__init__(node, name, kind, qos.depth, qos)
-        self.number: int | None = None  # of the latest message, by its publisher
-        self.gaps = SequenceGaps(lambda: 1)  # counted where ``numbered``
         self.commands = 0  # that the drill counts, if this is a topic of commands
         self.frame_prefix = ""  # of the drill's joints
-        self.numbered = numbered
+        self.numbered_alone = numbered_alone
+        self._clock = clock
         self._changes = changes
         self.payloads: list[bytes] = []
-        self.stamps: list[int] = []  # [ns]; without one, the drill's time when a message came
+        self.stamps: list[int] = []  # [ns]
         self._messages: list[Any] = []
         fields = tuple(kind.get_fields_and_field_types().values())
         self.stamped = bool(fields) and fields[0] in _STAMPED
+        super().__init__(node, name, kind, self._store, qos)
+        self.counts = numbered_alone
+        self.gaps = SequenceGaps(lambda: 1)
 
     def __len__(self) -> int:
         return len(self.payloads)
 
-    def take(self, time: int) -> None:
-        """Take what has arrived, unstamped at the time [ns]."""
-        for payload, info in taken(self.subscription):
-            self.note(info["publication_sequence_number"])
-            self.commands += self.kind is not JointState or self._commands_feed(payload)
-            if not self._repeats(payload):
-                self.payloads.append(payload)
-                self.stamps.append(self._stamp(payload, time))
-
-    def note(self, number: int | None) -> None:
-        """Note the number of the latest message, by its publisher."""
-        self.number = number
-        if self.numbered:
-            self.gaps.record(number)
+    def _store(self, payload: bytes, publish_time: int, log_time: int) -> None:
+        self.commands += self.kind is not JointState or self._commands_feed(payload)
+        if not (self._changes and self.payloads[-1:] == [payload]):
+            self.payloads.append(payload)
+            self.stamps.append(self._stamp(payload))
 
     def messages(self) -> list[Any]:
         for payload in self.payloads[len(self._messages) :]:
@@ -96,16 +90,13 @@ class HeardTopic(FollowedTopic):
         del self.payloads[:until], self.stamps[:until], self._messages[:until]
         self.commands = self.gaps.missing = 0
 
-    def _repeats(self, payload: bytes) -> bool:
-        return self._changes and self.payloads[-1:] == [payload]
-
-    def _stamp(self, payload: bytes, time: int) -> int:
+    def _stamp(self, payload: bytes) -> int:
         if not self.stamped:
-            return time
+            return self._clock()
         second, nanosecond = _STAMP[payload[1] & 1].unpack_from(payload, _STAMP_AT)
         stamp = int(second * SECOND + nanosecond)
         # Zero is a time of the drill, but no stamp of others.
-        return stamp if stamp or self.numbered else time
+        return stamp if stamp or self.numbered_alone else self._clock()
 
     def _commands_feed(self, payload: bytes) -> bool:
         """Return whether the drill counts a message to joints, which may command none of its."""
@@ -137,7 +128,7 @@ class Collector:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self.topics: dict[str, HeardTopic] = {}  # by absolute name
+        self.topics: dict[str, StoredTopic] = {}  # by absolute name
         self._wait_set: Any = None
         self.subscribe("status", TOPICS["status"].type)
         for name, kind in ALL_COMMAND_TOPICS.items():
@@ -148,10 +139,10 @@ class Collector:
         """Return the absolute name of a topic; a relative one is of the drill's namespace."""
         return str(self.node.resolve_topic_name(name))
 
-    def own(self, name: str) -> HeardTopic:
+    def own(self, name: str) -> StoredTopic:
         return self.topics[self.resolve(name)]
 
-    def subscribe(self, name: str, kind: str = "") -> HeardTopic | None:
+    def subscribe(self, name: str, kind: str = "") -> StoredTopic | None:
         """Subscribe to a topic, and return it; None if it has no publisher and no type.
 
         The name is relative or absolute; without a type it is that of the publisher.
@@ -166,13 +157,14 @@ class Collector:
                 return None
             kind = types[0]
         offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(absolute)]
-        qos = request_for(offers, _DEPTH) if own is None else _qos_of(own.latched)
-        topic = HeardTopic(
+        qos = request_for(offers, DEPTH) if own is None else _qos_of(own.latched)
+        topic = StoredTopic(
             self.node,
             absolute,
             message_class(kind),
             qos,
-            numbered=own is not None,
+            lambda: self.time,
+            numbered_alone=own is not None,
             changes=name == "status",
         )
         self.topics[absolute] = topic
@@ -193,7 +185,7 @@ class Collector:
     def take(self) -> None:
         """Take what has arrived."""
         for topic in self.topics.values():
-            topic.take(self.time)
+            topic.take()
 
     def until_complete(
         self,
@@ -260,4 +252,4 @@ class Collector:
 
 def _qos_of(latched: bool) -> QoSProfile:
     durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=_DEPTH, durability=durability)
+    return QoSProfile(depth=DEPTH, durability=durability)

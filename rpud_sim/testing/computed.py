@@ -21,7 +21,7 @@ from rpud_sim.simulation.fields import CommandCounts
 from rpud_sim.simulation.plan import JournalEntry, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
-from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
 
 __tracebackhide__ = is_verdict
@@ -215,7 +215,7 @@ class ComputedDrill:
                 )
 
 
-def check_equal(computed: ComputedTopic, heard: HeardTopic) -> None:
+def check_equal(computed: ComputedTopic, heard: StoredTopic) -> None:
     """Raise an error if what was received of a topic is not, bit for bit, what is computed."""
     if heard.lost:
         raise LostMessagesError(f"{heard.lost} messages of {heard.name} are lost")

@@ -49,7 +49,7 @@ class DisturbedStep(NamedTuple):
 
 
 class Disturbances:
-    """Disturbances of one drill and its nodes in one flight; ``seed`` draws them."""
+    """Disturbances of one drill and its nodes in one attempt; ``seed`` draws them."""
 
     def __init__(self, seed: str) -> None:
         self.steps: list[DisturbedStep] = []

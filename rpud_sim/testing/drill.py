@@ -12,12 +12,12 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mea
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.attempt_records import DrillRecord, heard_of
+from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.disturbances import Disturbances, DisturbedStep
-from rpud_sim.testing.errors import LostMessagesError, is_verdict
+from rpud_sim.testing.errors import LostMessagesError, is_verdict, subscribed
 from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
-from rpud_sim.testing.flight_records import DrillRecord, heard_of
 from rpud_sim.testing.lockstep import Lockstep, described
 from rpud_sim.testing.processes import NO_FAULTS, DrillProcess
 from rpud_sim.testing.refusals import Refusals
@@ -126,7 +126,7 @@ class LockstepDrill(Lockstep):
         return tuple(self._systems.processes)
 
     @property
-    def heard(self) -> dict[str, HeardTopic | ComputedTopic]:
+    def heard(self) -> dict[str, StoredTopic | ComputedTopic]:
         """Everything that was published since the test began, by absolute topic."""
         self.observed = True
         return {**self._collector.topics, **self._computed.topics}
@@ -292,19 +292,21 @@ class LockstepDrill(Lockstep):
         self,
         *command: str,
         name: str = "",
-        hears: tuple[str, ...] = (),
+        subscribes_to: tuple[str, ...] = (),
         ready: str | Callable[[], object] | None = None,
         timeout: float = 30.0,
+        hears: tuple[str, ...] = (),
     ) -> SystemUnderTest:
         """Start a process under test, and wait until it and the drill are connected.
 
         Args:
             command: words, or one text; ``python`` is this interpreter.
             name: for messages; the command's file if empty.
-            hears: topics of the drill that it subscribes to, which makes the wait exact. Otherwise
-                it counts as connected when the graph has not changed for a while.
+            subscribes_to: topics of the drill, which makes the wait exact. Otherwise it counts as
+                connected when the graph has not changed for a while.
             ready: further condition: a regular expression that its output has, or a callable.
             timeout: longest real time until then [s].
+            hears: the name of ``subscribes_to`` in 0.3.
 
         Raises:
             SystemUnderTestError: if it ends, or is not connected within the time.
@@ -312,7 +314,8 @@ class LockstepDrill(Lockstep):
         self._note(f"start {' '.join(command)}")
         limit = _REAL_SECONDS.check("timeout", timeout)
         with self._errors_observed():
-            return self._systems.start(command, self.folder, name, hears, ready, limit, self._note)
+            topics = subscribed(subscribes_to, hears)
+            return self._systems.start(command, self.folder, name, topics, ready, limit, self._note)
 
     # For the owner of the drill.
 
@@ -343,7 +346,7 @@ class LockstepDrill(Lockstep):
         """Steps of a shaken test, with what disturbed them."""
         return tuple(self._disturbances.steps) if self._disturbances else ()
 
-    def record_flight(self) -> DrillRecord:
+    def record_attempt(self) -> DrillRecord:
         """Return what nodes under test have published since ``disturb``, and all verdicts."""
         # What no answer is awaited on may still be on its way.
         self._collector.until_complete(lambda: "more", _QUIET, lambda: None)
@@ -379,7 +382,7 @@ class LockstepDrill(Lockstep):
             self.observed = True
             raise
 
-    def _heard(self, topic: str) -> HeardTopic | ComputedTopic:
+    def _heard(self, topic: str) -> StoredTopic | ComputedTopic:
         self.observed = True
         heard = self._topic(topic)
         if heard is None:

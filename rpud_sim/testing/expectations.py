@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rpud_sim.foundation.quantities import shown
-from rpud_sim.testing.collector import HeardTopic
+from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.errors import ExpectationFailedError, ExpectationUndecidedError, is_verdict
 from rpud_sim.verdicts import (
@@ -30,7 +30,7 @@ __tracebackhide__ = is_verdict
 class LiveVerdicts:
     """Verdicts on a drill that goes on."""
 
-    def __init__(self, namespace: str, topic: Callable[[str], HeardTopic | ComputedTopic]) -> None:
+    def __init__(self, namespace: str, topic: Callable[[str], StoredTopic | ComputedTopic]) -> None:
         self._namespace = namespace
         self._topic = topic
         self.begin()

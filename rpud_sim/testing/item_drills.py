@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # pytest imports the plugin in every run, also where no test 
     from rpud_sim.testing.setup import DrillSetup
 
 DRILLS = pytest.StashKey[list[Any]]()  # of an item
-FLIGHT = pytest.StashKey[Any]()  # of an item whose flights are compared: its present one
+ATTEMPT = pytest.StashKey[Any]()  # of an item whose attempts are compared: its present one
 POOL = pytest.StashKey["DrillPool"]()  # of a configuration
 
 
@@ -33,8 +33,8 @@ def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> LockstepDr
     check_ros()
     drill = pool_of(item.config).take(setup, folder)
     item.stash.setdefault(DRILLS, []).append(drill)
-    if FLIGHT in item.stash:
-        item.stash[FLIGHT].take(drill)
+    if ATTEMPT in item.stash:
+        item.stash[ATTEMPT].take(drill)
     return drill
 
 

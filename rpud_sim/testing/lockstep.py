@@ -18,12 +18,12 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
 from rpud_sim.ros.client.listening_node import to_time
 from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, TOPICS
-from rpud_sim.testing.collector import Collector, HeardTopic
+from rpud_sim.testing.attempt_records import TEST_CLIENT, Heard, heard_of
+from rpud_sim.testing.collector import Collector, StoredTopic
 from rpud_sim.testing.computed import ComputedDrill, ComputedTopic, check_equal
 from rpud_sim.testing.disturbances import Disturbances
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
-from rpud_sim.testing.flight_records import TEST_CLIENT, Heard, heard_of
-from rpud_sim.testing.nodes import Answers, Introductions
+from rpud_sim.testing.nodes import Answers, DiscoveryHandshake
 from rpud_sim.testing.processes import DrillProcess, applied
 from rpud_sim.testing.systems import Systems
 
@@ -98,16 +98,16 @@ class Lockstep:
         # Whether the drill's journal may have entries that are not known here.
         self._changed = True
         self._client.check_while_waiting(self._check)
-        introductions = Introductions(self._collector, self._client.node)
-        self._introductions = introductions
+        handshake = DiscoveryHandshake(self._collector, self._client.node)
+        self._handshake = handshake
         self._disturbances: Disturbances | None = None  # of the nodes under test
         self._heard_before: list[Heard] | None = None  # of resets, if it is kept
         # Topics of the drill to which nodes under test have subscribed, in disturbed steps.
         self._subscribed: set[str] = set()
         # that the nodes under test have declared
-        self._answers = Answers(self._collector, introductions)
+        self._answers = Answers(self._collector, handshake)
         # processes under test
-        self._systems = Systems(self._collector, self._answers, introductions, process.environment)
+        self._systems = Systems(self._collector, self._answers, handshake, process.environment)
         try:
             self._await_start()
         except BaseException:
@@ -168,14 +168,14 @@ class Lockstep:
         self._collector.forget()
         self._changed = True
 
-    def _topic(self, topic: str) -> HeardTopic | ComputedTopic | None:
+    def _topic(self, topic: str) -> StoredTopic | ComputedTopic | None:
         """Return a topic with all its messages; None if it is neither computed nor received.
 
         If a topic of the drill is also received, its messages must equal the computed ones.
         """
         name = self._collector.resolve(topic)
         computed, heard = self._computed.topics.get(name), self._collector.topics.get(name)
-        if heard is not None and heard.numbered:
+        if heard is not None and heard.numbered_alone:
             self._await_published()
         if computed is not None and heard is not None:
             check_equal(computed, heard)
@@ -287,7 +287,7 @@ class Lockstep:
         """Return a context in which a step is disturbed, with the seed of the order of topics."""
         if self._disturbances is None:
             return contextlib.nullcontext(0)
-        topics = self._introductions.subscribed
+        topics = self._handshake.subscribed
         self._subscribed.update(name for name in TOPICS if self._collector.resolve(name) in topics)
         self._subscribed.update({"/clock"} & topics)
         return self._disturbances.step(until, self._systems.processes)

@@ -13,17 +13,17 @@ from rclpy.node import Node
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import DiscoveryProbe, node_name
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
-from rpud_sim.testing.collector import Collector, HeardTopic
+from rpud_sim.testing.collector import Collector, StoredTopic
 
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
 _EVENTS = "/parameter_events"  # a topic on which every node publishes
 
 
-class Introductions:
+class DiscoveryHandshake:
     """Nodes that command the drill, call it or answer the test, by their publishers.
 
     The graph of one process shows who has discovered that process, and not whom the others have
-    discovered. A node is introduced when it has answered a request of the drill and one of the
+    discovered. A node is discovered when it has answered a request of the drill and one of the
     test, by clients that were made after everything that the node may reach there. ``own`` is the
     node of the test's client.
     """
@@ -37,7 +37,7 @@ class Introductions:
             collector.resolve("drill_node"),
         }
         self._gone: set[bytes] = set()  # publishers of ended processes that are still remembered
-        self._introduced: set[bytes] = set()  # publishers whose nodes have answered
+        self._discovered: set[bytes] = set()  # publishers whose nodes have answered
         self._probes: dict[str, DiscoveryProbe] = {}  # of the test, by node
         self._begun: dict[bytes, float] = {}  # when publishers were seen first [s]
 
@@ -56,15 +56,15 @@ class Introductions:
         }
 
     def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
-        """Ask the drill for its account, and return the nodes that are not introduced yet.
+        """Ask the drill for its account, and return the nodes that are not discovered yet.
 
         ``answering`` are endpoints of other nodes, such as publishers of answers. A node that never
-        answers is introduced after a while, with a warning.
+        answers is discovered after a while, with a warning.
         """
         found = {**answering, **self._callers()}
         for topic in ALL_COMMAND_TOPICS:
             found.update(self.publishers(topic))
-        waiting = {gid: name for gid, name in found.items() if gid not in self._introduced}
+        waiting = {gid: name for gid, name in found.items() if gid not in self._discovered}
         names = {name for name in waiting.values() if name}
         for name in self._probes.keys() - names:
             self._probes.pop(name).close()
@@ -76,15 +76,15 @@ class Introductions:
         for gid, name in waiting.items():
             patient = time.monotonic() - self._begun.setdefault(gid, time.monotonic()) < _PATIENCE
             if name and name not in unanswered:
-                self._introduced.add(gid)
+                self._discovered.add(gid)
             elif not patient:
-                self._introduced.add(gid)
+                self._discovered.add(gid)
                 warnings.warn(
                     f"{name or 'a node without a name'} does not answer get_parameters: its first "
                     "commands or answers may be lost",
                     stacklevel=2,
                 )
-        return sorted({name for gid, name in waiting.items() if gid not in self._introduced})
+        return sorted({name for gid, name in waiting.items() if gid not in self._discovered})
 
     @property
     def unserved(self) -> list[str]:
@@ -110,8 +110,8 @@ class Introductions:
         return found
 
     def renew(self) -> None:
-        """Have all nodes introduced again: the test subscribes to other topics."""
-        self._introduced.clear()
+        """Have all nodes discovered again: the test subscribes to other topics."""
+        self._discovered.clear()
         self._begun.clear()
         for probe in self._probes.values():
             probe.close()
@@ -147,7 +147,7 @@ class Introductions:
 class _Answer:
     name: str
     count: int
-    topic: HeardTopic | None = None
+    topic: StoredTopic | None = None
     begun: int = 0  # messages before the step
 
     @property
@@ -176,11 +176,11 @@ class Answers:
     or of another clock. A message without a stamp answers if it comes after the step has begun.
     """
 
-    def __init__(self, collector: Collector, introductions: Introductions) -> None:
+    def __init__(self, collector: Collector, handshake: DiscoveryHandshake) -> None:
         self._collector = collector
-        self._introductions = introductions
+        self._handshake = handshake
         self._answers: list[_Answer] = []
-        self.introduced = False  # whether the nodes that answer know the test and the drill
+        self.discovered = False  # whether the nodes that answer know the test and the drill
         self.period = 0  # simulation time between two answers [ns]; 0 without answers
         self.timeout = 0.0  # longest real time for the answers to one step [s]
 
@@ -195,8 +195,8 @@ class Answers:
     def declare(self, names: tuple[str, ...], count: int = 1, period: int = 0) -> None:
         """Declare topics with answers, in place of those before."""
         self.period = period if names else 0
-        self.introduced = False
-        self._introductions.renew()
+        self.discovered = False
+        self._handshake.renew()
         resolve = self._collector.resolve
         self._answers = [_Answer(resolve(name), count) for name in names]
 
@@ -206,7 +206,7 @@ class Answers:
             if answer.topic is None:
                 answer.topic = self._collector.subscribe(answer.name)
                 if answer.topic is not None:  # what nodes knew before is not enough
-                    self._introductions.renew()
+                    self._handshake.renew()
         return all(self._publishers(answer) for answer in self._answers)
 
     @property
@@ -214,7 +214,7 @@ class Answers:
         """Living publishers of all answers, by their identifiers, with the names of their nodes."""
         return {gid: name for each in self._answers for gid, name in self._publishers(each).items()}
 
-    def crowded(self) -> str:
+    def too_many_publishers(self) -> str:
         """Return a phrase for a topic with more publishers than awaited messages; empty if none."""
         for answer in self._answers:
             if answer.topic and answer.topic.subscription.get_publisher_count() > answer.count:
@@ -236,7 +236,7 @@ class Answers:
         return [lack for answer in self._answers if (lack := answer.lack(stamp))]
 
     @property
-    def never(self) -> bool:
+    def none_received(self) -> bool:
         """Whether a topic has had no message at all."""
         return not all(answer.heard for answer in self._answers)
 
@@ -247,4 +247,4 @@ class Answers:
     def _publishers(self, answer: _Answer) -> dict[bytes, str]:
         if answer.topic is None or not answer.topic.subscription.get_publisher_count():
             return {}
-        return self._introductions.publishers(answer.name)
+        return self._handshake.publishers(answer.name)

@@ -20,8 +20,8 @@ import pytest
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
 from rpud_sim.testing.errors import ExpectationUndecidedError
 from rpud_sim.testing.item_drills import (
+    ATTEMPT,
     DRILLS,
-    FLIGHT,
     POOL,
     give_back_drills,
     pool_of,
@@ -66,7 +66,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="N",
         type=_count,
         default=0,
-        help="fly each passing test with a drill N times more, stop the processes under test for "
+        help="run each passing test with a drill N times more, stop the processes under test for "
         "some milliseconds, change the order among topics, and fail if anything differs",
     )
     group.addoption(
@@ -99,7 +99,7 @@ def pytest_configure_node(node: Any) -> None:
 def pytest_report_header(config: pytest.Config) -> list[str]:
     """Return how often tests are shaken, and the seed."""
     count, seed = config.option.rpud_shake, config.option.rpud_shake_seed
-    return [f"rpud_sim: {count} shaken flights of each test with a drill, seed {seed}"][: count > 0]
+    return [f"rpud_sim: {count} shaken runs of each test with a drill, seed {seed}"][: count > 0]
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -127,17 +127,17 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Warn of a test that has passed, and whose drills might have done anything.
 
-    A shaken test that differs from its first flight fails.
+    A shaken test that differs from its first run fails.
     """
-    flight = item.stash.get(FLIGHT, None)
+    attempt = item.stash.get(ATTEMPT, None)
     try:
         result = yield
     finally:
         drills = item.stash.get(DRILLS, [])
-        if flight is not None:
-            flight.land(drills)
-    if flight is not None:
-        flight.fail()
+        if attempt is not None:
+            attempt.finish(drills)
+    if attempt is not None:
+        attempt.fail()
     if drills and not any(drill.observed for drill in drills):
         item.warn(pytest.PytestWarning(_UNOBSERVED))
     return result
@@ -145,7 +145,7 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Fly a test and its shaken flights, where they are asked for."""
+    """Run a test with its shaken runs, if these are requested."""
     option = item.config.option
     if not option.rpud_shake or option.setuponly:
         return None

@@ -19,6 +19,7 @@ import yaml
 
 from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.ros.loopback import PROFILE, loopback_variables
+from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.guard import VARIABLE
 
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
@@ -43,16 +44,12 @@ drill_node()
 """
 
 
-class DomainError(RuntimeError):
-    """No ROS domain is free."""
-
-
 class DomainClaim:
     """ROS domain that is this process's own until it is released, or the process ends.
 
     An abstract socket keeps other test runs out: it is seen wherever the ports of the domain are,
     also by another user and with another temporary folder. Domains in which a program without one
-    runs are passed over: its ports are open. If all domains are in use, it raises a DomainError.
+    runs are passed over: its ports are open. If all domains are in use, it raises a DrillError.
     """
 
     def __init__(self) -> None:
@@ -68,7 +65,7 @@ class DomainClaim:
                     self._held = held
                     return
             held.close()
-        raise DomainError("all ROS domains are in use")
+        raise DrillError("all ROS domains are in use")
 
     def release(self) -> None:
         self._held.close()
@@ -161,7 +158,7 @@ class DrillProcess:
     def start(self, parameters: Mapping[str, Any], namespace: str) -> None:
         """Start the node in lockstep, with these parameters."""
         self.namespace = namespace
-        # A name, not the path: the journal has it, and is the same in every flight.
+        # A name, not the path: the journal has it, and is the same in every attempt.
         values = {**parameters, **LOCKSTEP, "scenario": self.scenario.name}
         file = self.folder / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))

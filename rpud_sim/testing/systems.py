@@ -20,7 +20,7 @@ from rpud_sim.ros.graph import node_name
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
-from rpud_sim.testing.nodes import Answers, Introductions
+from rpud_sim.testing.nodes import Answers, DiscoveryHandshake
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
@@ -81,12 +81,12 @@ class Systems:
         self,
         collector: Collector,
         answers: Answers,
-        introductions: Introductions,
+        handshake: DiscoveryHandshake,
         environment: Mapping[str, str],
     ) -> None:
         self._collector = collector
         self._answers = answers
-        self._introductions = introductions
+        self._handshake = handshake
         self._environment = environment
         self._folder = Path(environment["ROS_LOG_DIR"]).parent
         self.processes: list[SystemUnderTest] = []  # in the order of their starts
@@ -99,7 +99,7 @@ class Systems:
         command: Sequence[str],
         folder: Path | None,
         name: str,
-        hears: Sequence[str],
+        subscribes_to: Sequence[str],
         ready: str | Callable[[], object] | None,
         timeout: float,
         note: Callable[[str], None],
@@ -108,7 +108,7 @@ class Systems:
         words = _words(command)
         if self._ended:
             self._part()
-        before = {topic: self._subscribers(topic) for topic in hears}
+        before = {topic: self._subscribers(topic) for topic in subscribes_to}
         calm = self._calm()
         system = self._started(words, folder, name)
         system.note = note
@@ -121,13 +121,13 @@ class Systems:
                 for topic, known in before.items()
             }
             answering = self._answers.connect()
-            unknown = self._introduce(dict(ChainMap(*hearing.values())))
+            unknown = self._undiscovered(dict(ChainMap(*hearing.values())))
             if not answering:
                 return f"does not publish on all of {', '.join(self._answers.names)}"
             if silent := [topic for topic, nodes in hearing.items() if not nodes]:
                 names = (t if t in TOPICS else t + suggestion(t, TOPICS) for t in silent)
                 return f"does not subscribe to {', '.join(names)}"
-            if unknown or self._unconnected() or not (hears or calm()):
+            if unknown or self._unconnected() or not (subscribes_to or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
             if isinstance(ready, str) and not re.search(ready, system.output, re.MULTILINE):
                 return f"has not printed {ready!r}"
@@ -155,7 +155,7 @@ class Systems:
         """Wait until the drill reaches every subscriber that there is."""
 
         def lack() -> str:
-            if not self._introduce() and not self._unconnected():
+            if not self._undiscovered() and not self._unconnected():
                 return ""
             return (
                 f"the drill is not connected to every subscriber and publisher{self._on_topics()}"
@@ -170,18 +170,18 @@ class Systems:
         answers = self._answers
         if self._ended or not answers.declared:
             return
-        if answers.introduced:
+        if answers.discovered:
             self._check_publishers()
             return
 
         def lack() -> str:
-            if answers.connect() and not self._introduce() and not self._unconnected():
+            if answers.connect() and not self._undiscovered() and not self._unconnected():
                 return ""
             return f"no publisher on {' and '.join(answers.names)}"
 
         if lacking := self._await(lack, _START, self._unpublished, _POLL_PERIOD):
             raise self._failure(", ".join(answers.names), "silent", lacking, self.processes)
-        answers.introduced = True
+        answers.discovered = True
         self._check_publishers()
 
     def await_answers(self, stamp: int) -> None:
@@ -193,7 +193,7 @@ class Systems:
         def lack() -> str:
             return "; ".join(answers.missing(stamp))
 
-        if lacking := self._await(lack, answers.timeout, lambda: answers.never):
+        if lacking := self._await(lack, answers.timeout, lambda: answers.none_received):
             text = f"no answer for {stamp / SECOND:.3f} s of simulation time on {lacking}"
             kind = "late" if answers.late(stamp) else "silent"
             raise self._failure(", ".join(answers.names), kind, text, self.processes)
@@ -245,16 +245,18 @@ class Systems:
     def _unpublished(self) -> bool:
         return not self._answers.connect()
 
-    def _introduce(self, further: Mapping[bytes, str] = {}) -> list[str]:
-        return self._introductions.lacking({**self._answers.publishers, **further})
+    def _undiscovered(self, further: Mapping[bytes, str] = {}) -> list[str]:
+        return self._handshake.lacking({**self._answers.publishers, **further})
 
     def _part(self) -> None:
-        self._answers.introduced = False
-        self._introductions.part(self._answers.publishers)
+        self._answers.discovered = False
+        self._handshake.part(self._answers.publishers)
 
     def _check_publishers(self) -> None:
         # A publisher of a process that has ended may still be remembered.
-        if all(system.running for system in self.processes) and (crowd := self._answers.crowded()):
+        if all(system.running for system in self.processes) and (
+            crowd := self._answers.too_many_publishers()
+        ):
             raise ParameterError(f"with_answers: {crowd}")
 
     @property
@@ -264,7 +266,7 @@ class Systems:
     def _failure(
         self, name: str, kind: str, text: str, systems: Sequence[SystemUnderTest]
     ) -> SystemUnderTestError:
-        lines = [text, *self._introductions.unserved, *map(_last_lines, systems)]
+        lines = [text, *self._handshake.unserved, *map(_last_lines, systems)]
         return SystemUnderTestError(name, kind, "\n".join(lines))
 
     def _failure_of(self, system: SystemUnderTest, kind: str, what: str) -> SystemUnderTestError:

@@ -73,7 +73,7 @@ class Evaluation:
 
     def _computed(self, formula: f.Formula, once: bool) -> Steps:
         match formula:
-            case f.Compare() | f.Says():
+            case f.Compare() | f.HasText():
                 return self._compared_signal(formula)
             case f.Active():
                 return self._active(formula)
@@ -133,7 +133,7 @@ class Evaluation:
         always.values[:, unsure] = UNKNOWN[:, None]
         return always.merged()
 
-    def _compared_signal(self, part: f.Compare | f.Says) -> Steps:
+    def _compared_signal(self, part: f.Compare | f.HasText) -> Steps:
         """Return a comparison or a word, with each message's value until the next one."""
         topic = part.signal.topic
         hold = PERIODIC_HOLD if topic in PERIODIC else NEVER
@@ -165,7 +165,7 @@ class Evaluation:
         check_use(part, field)
         samples = self.record.messages(topic).samples(part.signal.field, field)
         values = samples.values
-        if not isinstance(part, f.Says):
+        if not isinstance(part, f.HasText):
             if field is not None and field.column.kind is Kind.TIME:
                 values = (values - self._zero) / SECOND
             elif field is not None and field.column.kind is Kind.DURATION:
@@ -182,9 +182,9 @@ class Evaluation:
             ordered=samples.ordered[inside],
         )
 
-    def _judged(self, part: f.Compare | f.Says, samples: FieldSamples) -> np.ndarray:
+    def _judged(self, part: f.Compare | f.HasText, samples: FieldSamples) -> np.ndarray:
         """Return the bounds of a comparison or a word, one column a message."""
-        if isinstance(part, f.Says):
+        if isinstance(part, f.HasText):
             same = np.array([value == part.word for value in samples.values.tolist()], bool)
             return np.where(same, TRUE[:, None], FALSE[:, None])
         number, tolerance = (self.threshold(n, part.signal) for n in (part.number, part.tolerance))
@@ -284,7 +284,7 @@ class Evaluation:
                 found = self._counted(part)
             case f.Quantile():
                 found = self._quantiles(part, once=False)
-            case f.Compare() | f.Says():
+            case f.Compare() | f.HasText():
                 found = self._values(part, time)
             case _:
                 return None
@@ -294,14 +294,14 @@ class Evaluation:
         number = int(np.searchsorted(times, time, side="right")) - 1
         return None if number < 0 else (low[number], high[number])
 
-    def _values(self, part: f.Compare | f.Says, time: int) -> _Bounds | None:
+    def _values(self, part: f.Compare | f.HasText, time: int) -> _Bounds | None:
         """Return the bounds of the values of a signal; None if its value at a time is unknown."""
         steps = self.steps(part)
         number = steps.at(np.array([time]))[0]
         if steps.absent[number] or (steps.values[:, number] == UNKNOWN).all():
             return None
         samples = self._samples(part)
-        if isinstance(part, f.Says):
+        if isinstance(part, f.HasText):
             return samples.stamps, samples.values, samples.values
         low, high = bounds(samples.values)
         stamps, rows, _ = samples.one_a_stamp(np.array([low, high, low, high]))

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Iterator
 
 from rpud_sim.foundation.quantities import shown
@@ -88,10 +89,15 @@ class Signal:
         """Return the comparison for a value that differs by ``tolerance`` at most."""
         return self.compare("==", value, tolerance)
 
-    def says(self, word: str | bool) -> Says:
+    def has_text(self, word: str | bool) -> HasText:
         """Return the formula that a text or a truth value is ``word``."""
         flags = {"true": True, "false": False}
-        return Says(self, flags.get(word, word) if isinstance(word, str) else word)
+        return HasText(self, flags.get(word, word) if isinstance(word, str) else word)
+
+    def says(self, word: str | bool) -> HasText:
+        """Return ``has_text``, which 0.3 named so."""
+        warnings.warn("says is now has_text", DeprecationWarning, stacklevel=2)
+        return self.has_text(word)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +123,7 @@ class Compare(Formula):
 
 
 @dataclasses.dataclass(frozen=True)
-class Says(Formula):
+class HasText(Formula):
     """A text or truth value of a signal is a certain one."""
 
     signal: Signal
@@ -167,10 +173,10 @@ class Published(Event):
 
     topic: str  # as in ``Signal``
     # comparison of a field of the same message; None for every message
-    where: Compare | Says | None = None
+    where: Compare | HasText | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.where, Compare | Says | None):
+        if not isinstance(self.where, Compare | HasText | None):
             raise ExpectationError("where is no comparison")
         if self.where is not None and self.where.signal.topic != self.topic:
             raise ExpectationError(
@@ -290,7 +296,7 @@ class Quantile(Formula):
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
 
 
-SignalFormula = Compare | Says | Quantile
+SignalFormula = Compare | HasText | Quantile
 
 
 def _check_operator(operator: str) -> None:

@@ -22,9 +22,9 @@ from rpud_sim.verdicts.formulas import (
     Cleared,
     Compare,
     Formula,
+    HasText,
     Onset,
     Published,
-    Says,
     Signal,
     SignalFormula,
 )
@@ -67,7 +67,7 @@ class SignalField:
     index: int | None = None  # of an element; None for the whole field
 
     @property
-    def says(self) -> bool:
+    def has_text(self) -> bool:
         """Whether it is a text or a truth value, not a number."""
         return self.column.kind is Kind.TEXT or self.is_flag
 
@@ -184,20 +184,20 @@ def _check_formula(formula: Formula) -> None:
 def _check_kind(formula: object) -> None:
     if not isinstance(formula, Formula):
         raise ExpectationError(
-            f"{shown(formula)} is no formula; a signal is compared by <, <=, >, >=, equals or says"
+            f"{shown(formula)} is no formula; compare a signal by <, <=, >, >=, equals or has_text"
         )
 
 
 def check_use(part: SignalFormula, field: SignalField | None) -> None:
     """Check that a field has the kind and unit with which a formula uses it; None passes."""
-    if isinstance(part, Says):
-        if field is not None and not field.says:
+    if isinstance(part, HasText):
+        if field is not None and not field.has_text:
             raise ExpectationError(f"{part.signal} is a number: compare it with ==")
         if field is not None and field.is_flag is not isinstance(part.word, bool):
             kind = "true or false" if field.is_flag else "a text"
             raise ExpectationError(f"{part.signal} is {kind}, given {shown(part.word)}")
         return
-    if field is not None and field.says:
+    if field is not None and field.has_text:
         raise ExpectationError(f"{part.signal} is no number: write {part.signal} is WORD")
     threshold(part.number, field, part.signal)
     if isinstance(part, Compare):

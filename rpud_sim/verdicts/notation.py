@@ -175,7 +175,7 @@ def _form(cursor: Cursor) -> _Form:
     return chosen[0]
 
 
-def _comparison(text: str) -> f.Compare | f.Says:
+def _comparison(text: str) -> f.Compare | f.HasText:
     """Return the formula of a text such as ``status.state is running``."""
     match = _ATOM.fullmatch(text)
     if match is None:
@@ -221,10 +221,10 @@ class _ExpectationFile:
     expectations: tuple[Expectation, ...] = key(parse_expectations)
 
 
-def _about(about: f.Signal, text: str) -> f.Compare | f.Says:
+def _about(about: f.Signal, text: str) -> f.Compare | f.HasText:
     """Return the formula about a signal of a text such as ``< 45 N`` or ``is running``."""
     if text.startswith("is "):
-        return about.says(text[3:].strip())
+        return about.has_text(text[3:].strip())
     match = _COMPARED.fullmatch(text)
     if match is None:
         raise ExpectationError(
@@ -275,7 +275,7 @@ def _words(plain: Any) -> str:
 
 def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
-    if isinstance(formula, (f.Compare, f.Says)):
+    if isinstance(formula, (f.Compare, f.HasText)):
         return str(formula)
     make = unless if isinstance(formula, f.Until) and formula.weak else type(formula)
     form = next(each for each in _FORMS if each.make is make)

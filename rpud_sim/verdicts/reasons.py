@@ -37,7 +37,7 @@ def why_undecided(expectation: Expectation, evaluation: Evaluation) -> str:
             return f"{NO_EVENT}: {to_text(part.trigger)}"
     over = f"the record ends at {_at(evaluation, evaluation.end)}, before it is decided"
     for part in expectation.formula.walk():
-        if isinstance(part, f.Compare | f.Says) and (gap := _gap(evaluation, part)) is not None:
+        if isinstance(part, f.Compare | f.HasText) and (gap := _gap(evaluation, part)) is not None:
             silent = f"{part.signal} has no value at {_at(evaluation, gap)}"
             windows = [getattr(each, "window", WHOLE) for each in expectation.formula.walk()]
             return silent if set(windows) == {WHOLE} else f"{silent}, or {over}"
@@ -61,7 +61,7 @@ def _gap(evaluation: Evaluation, part: f.Formula) -> int | None:
 def _described(evaluation: Evaluation, reason: Reason) -> str:
     part, time, held = reason
     match part:
-        case f.Compare() | f.Says() | f.Count() | f.Quantile():
+        case f.Compare() | f.HasText() | f.Count() | f.Quantile():
             return _with_value(evaluation, part, time)
         case f.Eventually(goal, window) if not held:
             return _lateness(evaluation, goal, window, time)
@@ -74,7 +74,7 @@ def _described(evaluation: Evaluation, reason: Reason) -> str:
 
 def _with_value(evaluation: Evaluation, part: f.SignalFormula | f.Count, time: int) -> str:
     value = _measured(evaluation, part, time)
-    if isinstance(part, f.Compare | f.Says):
+    if isinstance(part, f.Compare | f.HasText):
         verb = f"was {value}" if value else "has no value"
         return f"{part.signal} {verb} at {_at(evaluation, time)}"
     if not value:
@@ -102,7 +102,7 @@ def _measured(evaluation: Evaluation, part: f.SignalFormula | f.Count, time: int
     if found is None:
         return ""
     low, high = found
-    if isinstance(part, f.Says):
+    if isinstance(part, f.HasText):
         return low if isinstance(low, str) else str(bool(low)).lower()
     if isinstance(part, f.Count):
         return _between(float(low), float(high), part.number)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from browser_pages import HEIGHT, PHONE, WIDE
-from campaign_results import FAILURE, flown
+from campaign_results import FAILURE, attempt
 from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offline_bag
 
 from rpud_sim.bag import BagWriter, Topic
@@ -55,7 +55,7 @@ def judged_campaign(folder):
     """The page of a campaign whose outcomes are given."""
     campaign = read_campaign(CAMPAIGN)
     broken = campaign.runs[2]
-    results = flown(campaign, lambda run: {"judged": {"force": FAILURE}} if run is broken else {})
+    results = attempt(campaign, lambda run: {"judged": {"force": FAILURE}} if run is broken else {})
     (folder / "index.html").write_text(campaign_page(results))
 
 

@@ -20,7 +20,7 @@ from rpud_sim.ros.options import RecordOptions, ReplayOptions
 def parsed(kind, *words):
     parser = Parser(prog="rpud")
     add_options(parser, fields_of(kind))
-    return options_from(parser.parse_args(words), fields_of(kind), kind)
+    return kind(**vars(options_from(parser.parse_args(words), fields_of(kind))))
 
 
 def record(*words):

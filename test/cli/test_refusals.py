@@ -102,7 +102,7 @@ TAKEN = "exists already; nothing is overwritten"
         ("replay talk --remap /a:=/b /c", 2, "'/c' is not of the form OLD:=NEW"),
         ("replay talk --start 2.5", 2, "--start is 2.5 s; it must be from 0 to 0.009 s"),
         ("replay talk --topics /rpud/tlak", 2, "/rpud/tlak (did you mean /rpud/talk?); "),
-        ("record --out x --regex (", 2, "argument --regex: '(' is no regular expression"),
+        ("record --out x --regex (", 2, "argument --regex: '(' is not a valid regular expression"),
         ("run --record x --set weight_on_bit=-1", 2, "weight_on_bit = -1 N is outside its range"),
         ("run --record x --config /no.yaml", 2, "/no.yaml: No such file or directory"),
         ("run --record x --namespace a?b", 2, "Invalid namespace: namespace must not contain"),

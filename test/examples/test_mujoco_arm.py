@@ -217,7 +217,15 @@ def test_momentum_and_energy_that_leave_one_simulator_arrive_in_the_other(press)
 def test_over_ros_the_arm_is_the_clock_of_the_drill_and_its_part_is_proved(press, tmp_path):
     bag = tmp_path / "bag"
     path = os.pathsep.join([os.environ.get("PYTHONPATH", ""), os.environ["RPUD_OPTIONAL"]])
-    options = ("--use-sim-time", "--quiet", "--config", FOLDER / "drill.yaml", "--record", bag)
+    options = (
+        "--set",
+        "use_sim_time=true",
+        "--quiet",
+        "--config",
+        FOLDER / "drill.yaml",
+        "--record",
+        bag,
+    )
     arm = (sys.executable, FOLDER / "arm_node.py", "0.5")
     with Process("rpud", "run", *options) as drill:
         with Process(*arm, env={**os.environ, "PYTHONPATH": path}) as moved:

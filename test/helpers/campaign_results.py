@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rpud_sim.testing.campaign_runs import COMPLETED, CampaignResults, flown_run
+from rpud_sim.testing.campaign_runs import COMPLETED, CampaignResults, recorded_attempt
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
@@ -12,7 +12,7 @@ system:
   command: python supervisor.py works --ros-args -r __ns:=/rpud
   folder: {SUPERVISORS}
   answers: [supervisor/heartbeat]
-  hears: [reacting_force]
+  subscribes_to: [reacting_force]
   answer_timeout: 60.0
 duration: 0.3
 scenarios:
@@ -34,15 +34,15 @@ OPEN = (UNDECIDED, None, "", None, None, "the event of after never came: onset(f
 _HELD = (PASSED, 2.0, "N", 3.0, 0.25, "held at 3 s")
 
 
-def flown(campaign, change=lambda run: {}):
+def attempt(campaign, change=lambda run: {}):
     """Return the results of all runs, in which every expectation passed but those that change."""
 
-    def fly(run, judged=None, ending=COMPLETED, text=""):
+    def run_once(run, judged=None, ending=COMPLETED, text=""):
         verdicts = [
             Verdict(each.name, each.requirement, *(judged or {}).get(each.name, _HELD))
             for each in campaign.expectations
         ]
-        made = flown_run(run, ending, 6.0, text, verdicts)
+        made = recorded_attempt(run, ending, 6.0, text, verdicts)
         return made._replace(wall_time=1.0, bag=f"{run.name}/bag")
 
-    return CampaignResults(campaign, [fly(run, **change(run)) for run in campaign.runs])
+    return CampaignResults(campaign, [run_once(run, **change(run)) for run in campaign.runs])

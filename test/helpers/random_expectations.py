@@ -70,7 +70,7 @@ def _quantile(share, of, window):
 MILLISECONDS = st.integers(0, 1199).map(lambda number: number * SECOND // 1000)
 WINDOWS = st.just(f.WHOLE) | st.builds(_window, st.just(0) | MILLISECONDS, MILLISECONDS)
 WHERE = comparisons() | st.sampled_from(WORDS).map(
-    lambda pair: f.Says(f.Signal(*pair[0].split(".", 1)), pair[1])
+    lambda pair: f.HasText(f.Signal(*pair[0].split(".", 1)), pair[1])
 )
 EVENTS = st.one_of(
     st.sampled_from(FAULTS).map(f.Onset),

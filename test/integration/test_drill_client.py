@@ -124,14 +124,6 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
         drill.reset("al")
 
 
-def test_power_and_timing_come_with_each_status(drill):
-    power, timing = drill.listen("power"), drill.listen("timing")
-    drill.step(1.0)
-    drill.until(lambda: {stamps(each)[-1] for each in (power, timing) if each} == {SECOND})
-    assert power[-1].actuator_power > 0.0
-    assert timing[-1].messages_dropped == 0
-
-
 def test_a_magnitude_of_zero_is_zero_where_that_is_one(drill):
     drill.inject("wrong", "wrench", 0.0)
     assert 0.0 < drill.faults[-1].magnitude < 1e-200

@@ -42,7 +42,7 @@ def test_a_drill_ends_with_its_parent_where_that_is_wanted(process, connect):
     client = connect("/orphaned")
     client.until(lambda: client.status)
     shell.kill()
-    shell.wait_for_line("the process that started the drill has ended")
+    shell.wait_for_line("parent process exited; shutting down")
     client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
 
 

@@ -36,17 +36,6 @@ def get(client, *names):
     return [value.string_value or value.double_value for value in values]
 
 
-def test_the_regime_by_parameter_and_by_engage_are_one(client):
-    assert client.engage(False).success
-    client.until(lambda: client.status[-1].regime == "free")
-    assert get(client, "regime") == ["free"]
-    [result] = client.set_each(regime="drilling")
-    assert result.successful
-    client.until(lambda: client.status[-1].regime == "drilling")
-    assert client.engage(True).success  # it is there already
-    assert get(client, "regime") == ["drilling"]
-
-
 @pytest.mark.parametrize(
     ("program", "words", "said"),
     [

@@ -15,7 +15,6 @@ from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
-from sample_bags import START, serialized_string, write_mcap
 from support import PATIENCE, until
 
 import rpud_sim.bag
@@ -173,18 +172,6 @@ def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
     assert lost > 0
     assert losses(tmp_path / "run")[NODAL_PLANE] == lost
     recorder.wait_for_line(rf"lost {lost} messages on /rpud/nodal_plane")
-
-
-def test_a_replay_goes_on_without_the_qos_that_it_cannot_read(process, tmp_path):
-    file = write_mcap(
-        tmp_path / "a.mcap",
-        [("/a", START, serialized_string("hi"))],
-        metadata={"offered_qos_profiles": "- {history: 3"},
-    )
-    replayer = process("replayer", file)
-    replayer.wait_for_line("the QoS of 1 topics, such as /a, cannot be read: ")
-    replayer.wait_for_line("replayed 1 messages")
-    assert finished(replayer)
 
 
 def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, program, tmp_path):

@@ -12,7 +12,7 @@ SUPERVISOR = Path(__file__).parents[2] / "examples" / "supervisor.py"
 @pytest.mark.rpud(regime="free", drive_enabled=False, weight_on_bit=0.0, telemetry_rate=50.0)
 def test_a_drive_that_starts_late_is_no_reason_to_retreat(drill):
     command = f"python {SUPERVISOR} --ros-args -r __ns:={drill.namespace}"
-    supervisor = drill.start(command, hears=("wrench",), ready="the drill is there")
+    supervisor = drill.start(command, subscribes_to=("wrench",), ready="the drill is there")
     supervisor.pause()
     drill.step(3.5)  # it hears this before it hears of the drive that it switches on
     supervisor.resume()

@@ -16,8 +16,8 @@ from support import real_time_permitted, until
 
 from rpud_sim.ros.threads import (
     DelayHistogram,
+    RequestError,
     Requests,
-    StoppedError,
     schedule_thread,
     serve,
 )
@@ -74,9 +74,9 @@ def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes(served):
     with ThreadPoolExecutor(1) as pool:
         asker = pool.submit(requests.do, Future)  # a Future that will never be done
         requests.close()
-        with pytest.raises(StoppedError, match="the drill has stopped"):
+        with pytest.raises(RequestError, match="the drill has stopped"):
             asker.result()
-        with pytest.raises(StoppedError, match="the drill has stopped"):
+        with pytest.raises(RequestError, match="the drill has stopped"):
             requests.do(Future)
 
 

@@ -24,7 +24,9 @@ SIGNALS = ("reacting_force", "contact_force", "wrench", "drill_tool", "nodal_pla
 def supervise(drill, how="works", timeout=20.0, answers=HEARTBEAT):
     drill.with_answers(answers, timeout=timeout)
     remap = ("--ros-args", "-r", f"__ns:={drill.namespace}")
-    return drill.start("python", "../helpers/supervisor.py", how, *remap, hears=("reacting_force",))
+    return drill.start(
+        "python", "../helpers/supervisor.py", how, *remap, subscribes_to=("reacting_force",)
+    )
 
 
 def content(drill, topics=SIGNALS):
@@ -157,7 +159,7 @@ def test_a_command_that_does_not_reach_the_drill_is_told_before_the_first_step(d
     command = f"python ../helpers/supervisor.py unheard --ros-args -r __ns:={drill.namespace}"
     expected = r"not connected to the drill on command/weight_on_bit within 5 s"
     with pytest.raises(SystemUnderTestError, match=expected):
-        drill.start(command, hears=("reacting_force",), timeout=5.0)
+        drill.start(command, subscribes_to=("reacting_force",), timeout=5.0)
 
 
 def test_the_test_itself_is_not_asked_for_answers(drill):

@@ -104,7 +104,7 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
                 drill.press(-1.0)
             drill.with_answers("supervisor/heartbeat")
             drill.start("python supervisor.py works --ros-args -r __ns:=/rpud",
-                        hears=("reacting_force",))
+                        subscribes_to=("reacting_force",))
             drill.step(0.2)
             drill.expect(always(signal("reacting_force.force") < "5 N"), name="calm",
                          requirement="R1")

@@ -1,4 +1,4 @@
-"""Shaken flights: what disturbs them, how they are compared, and what pytest reports."""
+"""Shaken runs: what disturbs them, how they are compared, and what pytest reports."""
 
 import signal
 import subprocess
@@ -8,8 +8,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import WeightOnBit
 
-from rpud_sim.testing.disturbances import Disturbances, DisturbedStep, Stop
-from rpud_sim.testing.flight_records import (
+from rpud_sim.testing.attempt_records import (
     Difference,
     DrillRecord,
     Heard,
@@ -17,6 +16,7 @@ from rpud_sim.testing.flight_records import (
     first_difference,
     verdict_differences,
 )
+from rpud_sim.testing.disturbances import Disturbances, DisturbedStep, Stop
 from rpud_sim.testing.shake import circumstances
 from rpud_sim.verdicts import Verdict
 
@@ -117,11 +117,11 @@ def record(heard, entries=(), verdicts=(), steps=()):
 @pytest.mark.parametrize(
     ("there", "text"),
     [
-        (weights(1.0, 2.5, 4.0), "0.200 s: force is 2.5 there, 2 in the first flight"),
+        (weights(1.0, 2.5, 4.0), "0.200 s: force is 2.5 there, 2 in the first run"),
         (weights(1.0, 2.0 + 1e-12, 3.0), "0.200 s: force is 2.000000000001 there, 2.0 in the"),
-        (weights(1.0, None, 3.0), "0.200 s: no message, in the first flight one"),
-        (weights(1.0, 2.0), "0.300 s: no more message, in the first flight 1 more message"),
-        (weights(1.0, 2.0, 3.0, 4.0), "0.400 s: 1 more message, in the first flight no more"),
+        (weights(1.0, None, 3.0), "0.200 s: no message, in the first run one"),
+        (weights(1.0, 2.0), "0.300 s: no more message, in the first run 1 more message"),
+        (weights(1.0, 2.0, 3.0, 4.0), "0.400 s: 1 more message, in the first run no more"),
         (weights(1.0, 2.0, 3.0, begin=5), "0.100 s: header.stamp is 0.500000000 s there, 0.1"),
     ],
 )
@@ -144,7 +144,7 @@ def test_a_command_that_took_effect_later_is_a_difference():
     first, there = (
         record(heard, ((time, "weight_on_bit force 1.0"),)) for time in (PERIOD, 2 * PERIOD)
     )
-    text = "what the drill did at 0.100 s: nothing, in the first flight weight_on_bit force 1.0"
+    text = "what the drill did at 0.100 s: nothing, in the first run weight_on_bit force 1.0"
     assert str(first_difference(first, there)) == text
 
 
@@ -153,8 +153,8 @@ def test_outcomes_and_margins_of_verdicts_are_compared():
     there = (Verdict("calm", "R1", "passed", 0.25, "N"), Verdict("late", "", "failed"))
     assert verdict_differences(first, first) == []
     assert verdict_differences(first, there) == [
-        "verdict calm: passed, margin 0.25 N, in the first flight passed, margin 0.5 N",
-        "verdict late: failed, in the first flight passed",
+        "verdict calm: passed, margin 0.25 N, in the first run passed, margin 0.5 N",
+        "verdict late: failed, in the first run passed",
     ]
 
 
@@ -189,56 +189,56 @@ def test_a_race_is_found_and_a_test_with_it_fails_once(pytester, monkeypatch):
         import pytest
 
         @pytest.fixture(scope="module")
-        def flights():
+        def attempts():
             found = {"race": 0, "alone": 0, "unlucky": 0}
             yield found
             print(f"at the end {found}")
 
-        def test_race(drill, flights):
-            flights["race"] += 1
+        def test_race(drill, attempts):
+            attempts["race"] += 1
             drill.with_answers("command/weight_on_bit")
-            drill.start("python racer.py", hears=("reacting_force", "contact_force"))
+            drill.start("python racer.py", subscribes_to=("reacting_force", "contact_force"))
             drill.step(1.0)
             assert drill.status.impacts
 
-        def test_alone(flights):
-            flights["alone"] += 1
+        def test_alone(attempts):
+            attempts["alone"] += 1
 
-        def test_unlucky(drill, flights):
-            flights["unlucky"] += 1
+        def test_unlucky(drill, attempts):
+            attempts["unlucky"] += 1
             drill.step(0.1)
             assert drill.status.impacts
-            assert flights["unlucky"] != 3
+            assert attempts["unlucky"] != 3
 
-        def test_fails(drill, flights):
+        def test_fails(drill, attempts):
             drill.step(0.1)
-            assert flights["alone"] == 1
+            assert attempts["alone"] == 1
             assert not drill.time
 
-        def test_count(flights):
-            assert flights["alone"] == 1
-            assert flights["unlucky"] == 3
+        def test_count(attempts):
+            assert attempts["alone"] == 1
+            assert attempts["unlucky"] == 3
     """)
     options = ("-p", "no:cacheprovider", "-rA", "--rpud-shake=4", "--rpud-shake-seed=3")
     result = pytester.runpytest_subprocess(*options)
     result.assert_outcomes(passed=2, failed=3)
     result.stdout.fnmatch_lines(
         [
-            "rpud_sim: 4 shaken flights of each test with a drill, seed 3",
-            "shaken flight * of 4 (seed 3): the first difference is command/weight_on_bit at *"
-            " s: force is * there, * in the first flight",
+            "rpud_sim: 4 shaken runs of each test with a drill, seed 3",
+            "shaken run * of 4 (seed 3): the first difference is command/weight_on_bit at *"
+            " s: force is * there, * in the first run",
             "*in the step to * s *",
             "to repeat it: --rpud-shake 4 --rpud-shake-seed 3",
             "artefacts: *",
             "E *assert 3 != 3",
-            "shaken flight 2 of 4 (seed 3): the test failed only here",
-            "FAILED *::test_unlucky - shaken flight 2 of 4 (seed 3): the test failed only here*",
+            "shaken run 2 of 4 (seed 3): the test failed only here",
+            "FAILED *::test_unlucky - shaken run 2 of 4 (seed 3): the test failed only here*",
         ]
     )
-    # The plan of the flight is that of its seed.
+    # The plan of the attempt is that of its seed.
     [file] = (pytester.path / "rpud-artefacts").glob("*test_race/disturbances.txt")
     lines = file.read_text().splitlines()
-    number = int(result.stdout.str().partition("shaken flight ")[2][0])
+    number = int(result.stdout.str().partition("shaken run ")[2][0])
     [test] = {
         line.split()[1] for line in result.outlines if "FAILED" in line and "::test_race" in line
     }

@@ -22,7 +22,7 @@ def test_no_start_loses_the_first_command_or_call(pool, how):
         drill = pool.take(drill_setup({}), Path(__file__).parent)
         drill.with_answers("command/weight_on_bit")
         try:
-            drill.start(f"python ../helpers/commander.py {how}", hears=("reacting_force",))
+            drill.start(f"python ../helpers/commander.py {how}", subscribes_to=("reacting_force",))
             drill.step(0.2)
             assert drill.status.commands_accepted == 2
         except AssertionError as error:

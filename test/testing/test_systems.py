@@ -17,7 +17,9 @@ HEARTBEAT = "supervisor/heartbeat"
 
 def supervise(drill, how="works", node="supervisor"):
     remap = f"--ros-args -r __ns:={drill.namespace} -r __node:={node}"
-    return drill.start(f"python ../helpers/supervisor.py {how} {remap}", hears=("reacting_force",))
+    return drill.start(
+        f"python ../helpers/supervisor.py {how} {remap}", subscribes_to=("reacting_force",)
+    )
 
 
 def test_a_reset_begins_again_beside_the_same_node(drill):
@@ -76,7 +78,7 @@ def test_a_node_in_the_place_of_a_killed_one_is_introduced_anew(drill):
 def test_a_node_that_cannot_be_asked_has_some_time_and_a_warning(drill):
     drill.with_answers("command/weight_on_bit")
     with pytest.warns(UserWarning, match=r"^/rpud/commander does not answer get_parameters"):
-        drill.start("python ../helpers/commander.py mute", hears=("reacting_force",))
+        drill.start("python ../helpers/commander.py mute", subscribes_to=("reacting_force",))
     drill.step(0.2)
     assert drill.status.commands_accepted == 2
 
@@ -98,8 +100,16 @@ def test_a_start_that_fails_says_in_one_line_why(drill):
         ("nosuch --fast", {}, "^nosuch cannot be started: No such file or directory$"),
         ("python nowhere.py", {}, r"exit code 2, at 0\.000 s of simulation time"),
         ("sleep 100", {"timeout": 0.5}, r"is not connected to the drill within 0\.5 s"),
-        ("sleep 100", {"hears": ("wrench",), "timeout": 0.1}, r"not subscribe to wrench within 0"),
-        ("sleep 100", {"hears": ("reacting_forc",), "timeout": 0.1}, "did you mean reacting_forc"),
+        (
+            "sleep 100",
+            {"subscribes_to": ("wrench",), "timeout": 0.1},
+            r"not subscribe to wrench within 0",
+        ),
+        (
+            "sleep 100",
+            {"subscribes_to": ("reacting_forc",), "timeout": 0.1},
+            "did you mean reacting_forc",
+        ),
     ):
         with pytest.raises(SystemUnderTestError, match=text):
             drill.start(command, **options)

@@ -32,8 +32,8 @@ UNDERSTOOD = [
     ("reacting_force.force<45N", FORCE < "45 N"),
     ("status.weight_on_bit = 0 N +- 100 mN", WEIGHT.equals("0 N", "100 mN")),
     ("status.weight_on_bit != 0", WEIGHT.compare("!=", 0)),
-    ("status.state is running", signal("status.state").says("running")),
-    ("drill_tool.in_contact is true", signal("drill_tool.in_contact").says(True)),
+    ("status.state is running", signal("status.state").has_text("running")),
+    ("drill_tool.in_contact is true", signal("drill_tool.in_contact").has_text(True)),
     ("status.actuator_temperature < 60 degC", signal("status.actuator_temperature") < "60 degC"),
     ("command/weight_on_bit.force >= 1e-3 kN", signal("command/weight_on_bit.force") >= "1e-3 kN"),
     ("joint_states.position[1] < 3 mm", signal("joint_states.position[1]") < "3 mm"),
@@ -42,7 +42,7 @@ UNDERSTOOD = [
     ({"onset": JAMMED}, Onset(JAMMED)),
     (
         {"message": "journal", "where": "journal.kind is inject"},
-        Published("journal", signal("journal.kind").says("inject")),
+        Published("journal", signal("journal.kind").has_text("inject")),
     ),
     ({"always": "reacting_force.force < 45 N"}, always(FORCE < "45 N")),
     (
@@ -219,7 +219,7 @@ def test_a_file_of_another_form_is_refused(tmp_path, content, complaint):
 
 
 def test_a_signal_compared_as_a_value_is_no_formula():
-    with pytest.raises(ExpectationError, match="False is no formula; a signal is compared by <"):
+    with pytest.raises(ExpectationError, match="False is no formula; compare a signal by <"):
         Expectation("it", always(WEIGHT == 0))
     with pytest.raises(ExpectationError, match=r"^signal\('status.weight_on_bit'\) is no formula"):
         Expectation("it", always(WEIGHT))
@@ -228,3 +228,8 @@ def test_a_signal_compared_as_a_value_is_no_formula():
 def test_a_file_that_is_missing_is_named(tmp_path):
     with pytest.raises(ExpectationError, match=r"none\.yaml: No such file"):
         read_expectations(tmp_path / "none.yaml")
+
+
+def test_the_name_of_0_3_warns():
+    with pytest.warns(DeprecationWarning, match="says is now has_text"):
+        assert signal("status.state").says("running") == signal("status.state").has_text("running")

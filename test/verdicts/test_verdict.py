@@ -109,9 +109,10 @@ NO_LATER = "never came in the record from 0 s until 4 s"
     ("formula", "text"),
     [
         (always(WEIGHT < "9 N"), "status.weight_on_bit was 10 N at 0 s"),
-        (always((WEIGHT > "5 N").implies(STATE.says("paused"))),
+        (always((WEIGHT > "5 N").implies(STATE.has_text("paused"))),
          "status.weight_on_bit was 10 N at 0 s; status.state was running at 0 s"),
-        (always((WEIGHT > "5 N") & STATE.says("running")), "status.weight_on_bit was 0 N at 1.2 s"),
+        (always((WEIGHT > "5 N") & STATE.has_text("running")),
+         "status.weight_on_bit was 0 N at 1.2 s"),
         (after(Onset(JAMMED), WEIGHT.equals("0 N")),
          "onset(free_mass_jammed) came at 1 s; status.weight_on_bit was 10 N at 1 s"),
         (eventually(WEIGHT.equals("0 N"), within="0.9 s"), "status.weight_on_bit was 10 N at 0.9 s;"
@@ -120,7 +121,7 @@ NO_LATER = "never came in the record from 0 s until 4 s"
          f"status.weight_on_bit < 0 N {NO_LATER}"),
         (eventually(Cleared(JAMMED), within="2.5 s"),
          "cleared(free_mass_jammed) came 0.5 s too late, at 3 s"),
-        (until(STATE.says("running"), WEIGHT.equals("0 N"), within="1 s"),
+        (until(STATE.has_text("running"), WEIGHT.equals("0 N"), within="1 s"),
          "status.weight_on_bit was 10 N at 1 s; "
          "status.weight_on_bit == 0 N came 0.2 s too late, at 1.2 s"),
         (until(WEIGHT > "5 N", Cleared(JAMMED)), "status.weight_on_bit was 0 N at 1.2 s"),
@@ -163,7 +164,7 @@ def test_a_value_is_on_its_side_of_the_limit_and_bounds_where_it_is_not_known():
 @pytest.mark.parametrize(
     ("formula", "text"),
     [
-        ((WEIGHT < "9 N") & STATE.says("paused"),
+        ((WEIGHT < "9 N") & STATE.has_text("paused"),
          "status.weight_on_bit was 10 N at 4 s; status.state was running at 4 s"),
         (eventually(WEIGHT < "9 N"), "status.weight_on_bit was 10 N at 4 s; "
          "status.weight_on_bit < 9 N never came in the record from 4 s until 4 s"),

@@ -15,6 +15,7 @@ from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
@@ -30,6 +31,7 @@ from rpud_sim.foundation.quantities import (
     shown,
 )
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.verbs import verb
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
     CommandSender,
@@ -43,8 +45,9 @@ from rpud_sim.ros.client.listening_node import (
     no_drill,
     to_time,
 )
-from rpud_sim.ros.client.topics import FastTopics, Sink, TopicListener
+from rpud_sim.ros.client.topics import FastTopics, Sink, listen
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.received import ReceivedTopic
 from rpud_sim.simulation.faults import Fault as CheckedFault
 from rpud_sim.simulation.scenario_file import DURATION as FAULT_DURATION
 from rpud_sim.simulation.topics import TOPICS
@@ -56,12 +59,7 @@ SCOPES: Mapping[str, int] = {
     "state": srv.ResetSimulation.Request.SCOPE_STATE,
     "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
-_TOPICS = {
-    "status": Status,
-    "faults": msg.Faults,
-    "journal": msg.JournalEntry,
-    "command_results": msg.CommandResults,
-}
+_RESULTS = "command_results"
 _LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _TINY = 1e-300  # magnitude with the effect of zero, which in a message means the default
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
@@ -97,15 +95,15 @@ class DrillClient(ListeningNode):
     ) -> None:
         super().__init__(node_name, namespace, domain_id, patience)
         self._found = False
+        self._followed: dict[str, ReceivedTopic] = {}
         self._latest: dict[str, Any] = {}  # message by topic
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
-        self._listeners: list[TopicListener] = []
+        self._listened: list[ReceivedTopic] = []
         self._shown = 0  # number of the status that a step returned; those before are older
         # Messages that the drill had published on each topic when the last step ended.
         self.published: Mapping[str, int] = {}
         self._observer: Callable[[str, Any, int], object] = lambda topic, message, published: None
-        for topic, kind in _TOPICS.items():
-            self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
+        self._follow("status", "faults", "journal", _RESULTS)
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
@@ -156,7 +154,7 @@ class DrillClient(ListeningNode):
             return
         patience = self.patience if patience is None else float(patience)
         try:
-            self._services.introduce(patience)
+            self._services.wait_until_discovered(patience)
         except NoAnswerError:
             raise NoDrillError(
                 no_drill(self.node, self.namespace, self.domain_id, patience)
@@ -196,10 +194,11 @@ class DrillClient(ListeningNode):
         Without ``kind`` and ``qos`` they are those of the publishers. ``patience`` is in s.
         """
         self.found()
-        listener = TopicListener(self, topic, kind, qos, patience)
-        self._services.introduce()
-        self._listeners.append(listener)
-        return listener.messages
+        messages: list[Any] = []
+        listened = listen(self, topic, messages, kind, qos, patience)
+        self._services.wait_until_discovered()
+        self._listened.append(listened)
+        return messages
 
     def observe(self, observer: Callable[[str, Any, int], object], *others: str) -> None:
         """Call a function with topic, message and publishing time [ns] of latched topics.
@@ -207,9 +206,7 @@ class DrillClient(ListeningNode):
         They are status, faults, journal and command_results, and ``others`` of the drill.
         """
         self._observer = observer
-        for topic in others:
-            kind = message_class(TOPICS[topic].type)
-            self.subscribe(kind, topic, partial(self._on_message, topic), _LATCHED)
+        self._follow(*others)
 
     def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
         """Subscribe to fast topics: see ``FastTopics``."""
@@ -217,14 +214,14 @@ class DrillClient(ListeningNode):
 
     # Commands: each returns when the drill has accepted it.
 
+    @verb
     def press(self, force: float) -> None:
-        """Command a weight on bit [N]."""
         self._command("weight_on_bit", msg.WeightOnBit(force=_number("force", force)))
 
+    @verb
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
         status = self.status
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
         message = msg.Drive(
@@ -234,8 +231,8 @@ class DrillClient(ListeningNode):
         )
         self._command("drive", message)
 
+    @verb
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
-        """Command the feed of a drill on an arm: a rate [m/s] or a position [m], and not both."""
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
@@ -244,13 +241,13 @@ class DrillClient(ListeningNode):
             message = Feed(mode=Feed.MODE_POSITION, position=_number("position", position))
         self._command("feed", message)
 
+    @verb
     def move(self, position: float, velocity: float = 0.0) -> None:
-        """Command the motion of a given mount: place [m] and velocity [m/s], as it acts."""
         place, rate = _number("position", position), _number("velocity", velocity)
         self._command("mount", msg.MountMotion(position=place, velocity=rate))
 
+    @verb
     def engage(self, on: bool = True) -> None:
-        """Put the drill tool into the rock, or take it out."""
         self._ask("engage", SetBool.Request(data=_ON.check("engage", on)), repeat=True)
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
         self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
@@ -275,6 +272,7 @@ class DrillClient(ListeningNode):
 
     # Faults: a call returns when the topic ``faults`` shows the change.
 
+    @verb
     def inject(
         self,
         kind: str,
@@ -282,10 +280,6 @@ class DrillClient(ListeningNode):
         magnitude: float | None = None,
         duration: float | None = None,
     ) -> int:
-        """Inject a fault, such as ``free_mass_jammed``, and return its number.
-
-        ``channel`` is the topic of a signal fault. The duration is simulation time [s].
-        """
         size = math.nan if magnitude is None else _number("magnitude", magnitude)
         if size == 0.0 and CheckedFault(kind, channel, size).declared.magnitude:
             size = _TINY
@@ -304,8 +298,8 @@ class DrillClient(ListeningNode):
         )
         return number
 
+    @verb
     def clear(self, which: int | str = "all") -> list[int]:
-        """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
         if not isinstance(which, str):
             numbers = [int(_FAULT_NUMBER.check("fault", which))]
         else:
@@ -330,19 +324,16 @@ class DrillClient(ListeningNode):
 
     # Simulation time: a call returns when the topic ``status`` shows the change.
 
+    @verb
     def pause(self) -> None:
-        """Let simulation time stand still; a step that is under way is interrupted."""
         self._set_state(msg.SimulationState.STATE_PAUSED, Status.STATE_PAUSED)
 
+    @verb
     def play(self) -> None:
-        """Let simulation time pass by itself."""
         self._set_state(msg.SimulationState.STATE_PLAYING, Status.STATE_RUNNING)
 
+    @verb
     def step(self, seconds: float) -> float:
-        """Advance a paused drill, and return the stamp that it reached [s].
-
-        The messages up to then are in the lists of ``listen``; ``published`` counts all of them.
-        """
         request = srv.StepSimulation.Request(duration=to_time(Duration, "step", seconds))
         return _reached(self._advance("simulation/step", request))
 
@@ -351,11 +342,8 @@ class DrillClient(ListeningNode):
         request = srv.RunToTime.Request(time=to_time(Time, "time", stamp))
         return _reached(self._advance("simulation/run_to", request))
 
+    @verb
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
-        """Begin again: ``all``, ``time``, ``state`` or ``faults``, or bits of the service.
-
-        ``seed`` is of phase, scenario and noise from here on; None for the present one.
-        """
         if isinstance(scope, str) and scope not in SCOPES:
             raise ParameterError(
                 f"scope = {shown(scope)} is unknown; {did_you_mean(scope, SCOPES)}"
@@ -392,17 +380,17 @@ class DrillClient(ListeningNode):
         if self.status_number < self.published["status"]:  # those that are still on their way
             self._shown = self.published["status"]
             self._latest["status"] = response.status
-        if self._listeners:
-            self._await_listeners()
+        if self._listened:
+            self._await_listened()
         self.take()
         return response
 
-    def _await_listeners(self) -> None:
+    def _await_listened(self) -> None:
         """Wait until the lists of ``listen`` have what the drill has published."""
         expected = {self.node.resolve_topic_name(n): count for n, count in self.published.items()}
         with suppress(NoAnswerError):  # a best-effort subscription may have lost the last ones
             self.wait_until(
-                lambda: all(each.number >= expected.get(each.name, 0) for each in self._listeners),
+                lambda: all((e.number or 0) >= expected.get(e.name, 0) for e in self._listened),
                 "",
                 min(self.patience, _DELIVERY),
             )
@@ -415,18 +403,26 @@ class DrillClient(ListeningNode):
         self.found()
         self._commands.send(name, message)
 
-    def _on_message(self, topic: str, message: Any, info: dict[str, Any]) -> None:
+    def _follow(self, *topics: str) -> None:
+        """Subscribe to latched topics of the drill."""
+        for topic in topics:
+            kind = msg.CommandResults if topic == _RESULTS else message_class(TOPICS[topic].type)
+            sink = partial(self._on_message, topic, kind)
+            self._followed[topic] = self.subscribe(kind, topic, sink, _LATCHED)
+
+    def _on_message(self, topic: str, kind: Any, data: bytes, published: int, _: int) -> None:
+        message = deserialize_message(data, kind)
         if topic == "status":
-            number = info["publication_sequence_number"]
+            number = self._followed[topic].number or 0
             if number < self.status_number:  # of another process
                 self._shown = 0
             self._numbers.append(number)
             if number < self._shown:
                 return
         self._latest[topic] = message
-        if topic == "command_results":
+        if topic == _RESULTS:
             self._commands.take(message)
-        self._observer(topic, message, info["source_timestamp"])
+        self._observer(topic, message, published)
 
     def _check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing."""

@@ -16,15 +16,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.subscription import Subscription
 from rpud_msgs import msg, srv
 from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ExpectedError, Quantity, suggestion
 from rpud_sim.foundation.time import SECOND, split_seconds
-from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import RepeatedRequest, node_name
 from rpud_sim.ros.process import name_error, start_ros
+from rpud_sim.ros.received import ReceivedTopic, Sink
 from rpud_sim.ros.threads import raised
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
 POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
-_WITH_INFO = Subscription.CallbackType.WithMessageInfo
+_REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 _STEP = "/simulation/step"
 _STEP_TYPE = "rpud_msgs/srv/StepSimulation"
 
@@ -71,7 +70,8 @@ class ListeningNode:
         patience: float = PATIENCE,
     ) -> None:
         self.patience = float(SECONDS.check("patience", patience))
-        self._subscriptions: list[Subscription] = []
+        self._topics: list[ReceivedTopic] = []
+        self._looked_at = time.monotonic()
         self._check: Callable[[], object] = lambda: None
         self._context = rclpy.Context()
         start_ros(context=self._context, domain_id=domain_id)
@@ -112,25 +112,21 @@ class ListeningNode:
             rclpy.shutdown(context=self._context)
 
     def subscribe(
-        self,
-        kind: Any,
-        topic: str,
-        on_message: Callable[..., Any],
-        qos: QoSProfile,
-        raw: bool = False,
-    ) -> Subscription:
-        """Call ``on_message`` with each message of a topic, and with its info if it takes two."""
-        subscription = self.node.create_subscription(kind, topic, on_message, qos, raw=raw)
-        self._subscriptions.append(subscription)
-        return subscription
-
-    def unsubscribe(self, subscription: Subscription) -> None:
-        self._subscriptions.remove(subscription)
-        self.node.destroy_subscription(subscription)
+        self, kind: Any, topic: str, sink: Sink, qos: QoSProfile | None = None
+    ) -> ReceivedTopic:
+        """Subscribe to a topic, whose messages ``sink`` takes; see ``ReceivedTopic``."""
+        name = self.node.resolve_topic_name(topic)
+        self._topics.append(received := ReceivedTopic(self.node, name, kind, sink, qos))
+        return received
 
     def spin(self, seconds: float = 0.0) -> None:
         """Take messages, responses and events that have arrived, or wait for the next one [s]."""
         self._check()
+        if time.monotonic() >= self._looked_at + _REFRESH_PERIOD:
+            self._looked_at = time.monotonic()
+            for topic in self._topics:
+                if topic.has_other_offers():
+                    topic.renew()
         try:
             self._executor.spin_once(timeout_sec=seconds)
         except RuntimeError as error:  # rclpy raises it at a malformed message
@@ -140,11 +136,9 @@ class ListeningNode:
 
     def take(self) -> None:
         """Take all messages that have arrived, without a wait; responses and events stay."""
-        for subscription in self._subscriptions:
-            with_info = subscription._callback_type is _WITH_INFO
+        for topic in self._topics:
             try:
-                for message, info in taken(subscription):
-                    subscription.callback(*((message, info) if with_info else (message,)))
+                topic.take()
             except RuntimeError as error:
                 self.node.get_logger().warning(raised(error))
 
@@ -236,7 +230,7 @@ class ServiceCaller:
         """Make the client of a further service, unless it is there."""
         if name not in self._clients:
             self._clients[name] = self._listening.node.create_client(kind, name)
-            self.introduce()
+            self.wait_until_discovered()
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
         """Call a service, again and again with ``repeat``; a refusal is a RefusedError."""
@@ -252,7 +246,7 @@ class ServiceCaller:
             raise RefusedError(getattr(result, "message", "the log of the drill says why"))
         return response
 
-    def introduce(self, patience: float | None = None) -> None:
+    def wait_until_discovered(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
         Discovery reports them in the order in which they were made: it answers the last one.
@@ -321,7 +315,7 @@ class CommandSender:
         """Return a publisher of a command that the drill has discovered, made for the first one."""
         topic = f"command/{name}"
         publisher = self._node.create_publisher(kind, topic, _COMMAND_DEPTH)
-        self._services.introduce()
+        self._services.wait_until_discovered()
         self._listening.wait_until(
             lambda: self._is_discovered(publisher), f"the drill did not subscribe to {topic}"
         )

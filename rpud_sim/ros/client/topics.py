@@ -1,9 +1,8 @@
-"""Topics of a client: of any type with the publishers' QoS, or fast ones without rclpy."""
+"""Topics of a client: of any type, or fast ones decoded without rclpy; messages as plain values."""
 
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
@@ -13,7 +12,7 @@ from rclpy.exceptions import NameValidationException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
+from rclpy.serialization import deserialize_message
 from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.bag import BagFormatError
@@ -22,17 +21,15 @@ from rpud_sim.foundation.time import join_seconds
 from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.definitions import find_definition
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
-from rpud_sim.ros.endpoints import FollowedTopic, SequenceGaps
 from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
 from rpud_sim.ros.process import name_error
+from rpud_sim.ros.received import DEPTH, ReceivedTopic
 from rpud_sim.simulation.topics import TOPICS
 
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
 
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
-_DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
-_REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 _WAVES = 200  # blocks that may wait, each of some 100 kB
 _TYPES = {
     name: message_class(TOPICS[name].type)
@@ -51,8 +48,8 @@ FIELDS: dict[str, tuple[str, ...]] = {
 Sink = Callable[[int, tuple[Any, ...], int], object]
 
 
-class FastTopics:
-    """Subscriptions to fast topics of a drill, decoded without rclpy, and counts of losses.
+class FastTopics(dict[str, ReceivedTopic]):
+    """Fast topics of a drill by name, decoded without rclpy.
 
     ``sinks`` has, by topic, a function of a message's stamp [ns], its values of ``FIELDS`` and when
     it was published [ns]. The values of ``waveform`` are its sequence, its sample_period and a
@@ -60,31 +57,24 @@ class FastTopics:
     """
 
     def __init__(self, listening: ListeningNode, sinks: Mapping[str, Sink]) -> None:
-        self._gaps: dict[str, SequenceGaps] = {}
         for topic, sink in sinks.items():
-            self._subscribe(listening, topic, sink)
+            wave = topic == "waveform"
+            kind, qos = _TYPES[topic], QoSProfile(depth=_WAVES if wave else DEPTH)
+            self[topic] = listening.subscribe(kind, topic, _decoding(kind, sink, wave), qos)
 
     @property
     def lost(self) -> Mapping[str, int]:
         """Messages by topic that were sent and never arrived."""
-        return {topic: gaps.missing for topic, gaps in self._gaps.items()}
+        return {name: topic.lost for name, topic in self.items()}
 
-    def _subscribe(self, listening: ListeningNode, topic: str, sink: Sink) -> None:
-        name = listening.node.resolve_topic_name(topic)
-        gaps = SequenceGaps(lambda: listening.node.count_publishers(name))
-        self._gaps[topic] = gaps
-        is_wave = topic == "waveform"
-        kind = _TYPES[topic]
 
-        def on_message(data: bytes, info: dict[str, Any]) -> None:
-            gaps.record(info["publication_sequence_number"])
-            with suppress(BagFormatError):  # of another process: not of this type
-                stamp, values = decoded(kind, data)
-                values = (*values[:2], values[2:]) if is_wave else values
-                sink(stamp, values, info["source_timestamp"])
+def _decoding(kind: Any, sink: Sink, wave: bool) -> Callable[[bytes, int, int], None]:
+    def receive(data: bytes, publish_time: int, log_time: int) -> None:
+        with suppress(BagFormatError):  # of another process: not of this type
+            stamp, values = decoded(kind, data)
+            sink(stamp, (*values[:2], values[2:]) if wave else values, publish_time)
 
-        qos = QoSProfile(depth=_WAVES if is_wave else _DEPTH)
-        listening.subscribe(kind, topic, on_message, qos, raw=True)
+    return receive
 
 
 def decoded(kind: Any, data: bytes) -> tuple[int, tuple[Any, ...]]:
@@ -99,56 +89,26 @@ def _codec(kind: Any) -> Codec:
     return Codec(name, find_definition(name))
 
 
-class TopicListener(FollowedTopic):
-    """Subscription to a topic of any type, and its messages in the order of their arrival.
+def listen(
+    listening: ListeningNode,
+    topic: str,
+    messages: list[Any],
+    kind: Any = None,
+    qos: QoSProfile | None = None,
+    patience: float | None = None,
+) -> ReceivedTopic:
+    """Subscribe to a topic of any type, whose messages are appended to a list.
 
     Without a class of messages it waits ``patience`` for the topic [s]: a missing one is a
     NoAnswerError, one with several or unknown types a ClientError.
     """
+    name = absolute_name(listening.node, topic)
+    kind = kind or _find_type(listening, name, listening.patience if patience is None else patience)
 
-    def __init__(
-        self,
-        listening: ListeningNode,
-        topic: str,
-        kind: Any = None,
-        qos: QoSProfile | None = None,
-        patience: float | None = None,
-    ) -> None:
-        self._listening = listening
-        self.messages: list[Any] = []  # that have come and were not taken
-        self.number = 0  # of the latest message, by its publisher
-        name = absolute_name(listening.node, topic)
-        patience = listening.patience if patience is None else patience
-        kind = kind or _find_type(listening, name, patience)
-        super().__init__(listening.node, name, kind, _DEPTH, qos)
-        self._looked_at = time.monotonic()
+    def receive(data: bytes, publish_time: int, log_time: int) -> None:
+        messages.append(deserialize_message(data, kind))
 
-    def take(self, seconds: float) -> list[Any]:
-        """Return the messages that have come, or wait some seconds for the next one."""
-        deadline = time.monotonic() + seconds
-        while True:
-            now = time.monotonic()
-            if now >= self._looked_at + _REFRESH_PERIOD:
-                self._looked_at = now
-                if self._has_another_offer():
-                    self.renew()
-            self._listening.spin(min(0.1, max(0.0, deadline - now)))
-            if self.messages or time.monotonic() >= deadline:
-                messages = self.messages.copy()
-                self.messages.clear()
-                return messages
-
-    def close(self) -> None:
-        self._listening.unsubscribe(self.subscription)
-
-    def _subscribe(self) -> Subscription:
-        return self._listening.subscribe(self.kind, self.name, self._on_message, self.request)
-
-    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
-        self.received_at = time.monotonic()
-        self.messages.append(message)
-        self.number = info["publication_sequence_number"] or 0
-        self.gaps.record(self.number or None)
+    return listening.subscribe(kind, name, receive, qos)
 
 
 def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:

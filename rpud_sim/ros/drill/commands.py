@@ -246,7 +246,7 @@ class Inbox:
         if self._logged <= _LOGGED_PER_SECOND:
             self._logger.warning(f"{what} refused: {reason}")
         elif self._logged == _LOGGED_PER_SECOND + 1:
-            self._logger.warning("more is refused in this second, and counted")
+            self._logger.warning("further rejections in this second are counted but not logged")
 
 
 class CommandTopic:

@@ -17,7 +17,6 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
-from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.commands import CommandTopic, Inbox
 from rpud_sim.ros.drill.health import REPORT_PERIOD, Report
@@ -32,7 +31,7 @@ from rpud_sim.ros.drill.pacing_loop import LAST_RESPONSE, PacingLoop
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices, offer_standard_services
 from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.process import StartError, StopRequest, limit_end, limited_end, running_ros
-from rpud_sim.ros.threads import StoppedError, quick_switches, serve
+from rpud_sim.ros.threads import RequestError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
@@ -222,7 +221,7 @@ class DrillNode(ManagedNode):
 
     def _apply_settings(self, settings: Settings) -> None:
         if (session := self.loop.started) is not None and session.settings != settings:
-            with contextlib.suppress(StoppedError):  # there is nothing left to change
+            with contextlib.suppress(RequestError):  # there is nothing left to change
                 # By then the settings may be later ones, of a reset.
                 self.loop.request(lambda session: session.configure(self.settings))
 
@@ -260,7 +259,7 @@ def spin(
                 serve(executor, node.refuse_request)
                 show(node.report)
         if stop.orphaned:
-            node.get_logger().warning("the process that started the drill has ended: it ends, too")
+            node.get_logger().warning("parent process exited; shutting down")
     finally:
         with limited_end():
             session = node.loop.started
@@ -275,10 +274,6 @@ def spin(
         raise RuntimeError(str(failure)) from failure
 
 
-class DuplicateError(ExpectedError, RuntimeError):
-    """Drill of the same name that runs already; the message is one line."""
-
-
 @contextmanager
 def open_drill(
     values: Mapping[str, Any],
@@ -290,7 +285,7 @@ def open_drill(
 ) -> Iterator[DrillNode]:
     """Start ROS and a drill node with these parameters; shut both down at the end.
 
-    Beside a drill of the same name it is a DuplicateError, unless ``allow_duplicate``.
+    Beside a drill of the same name it is a StartError, unless ``allow_duplicate``.
     ``duration`` is in simulation time [s].
     """
     with running_ros():
@@ -299,9 +294,10 @@ def open_drill(
         hold = NameHold(name, rclpy.get_default_context().get_domain_id())
         try:
             if hold.taken and not allow_duplicate:
-                raise DuplicateError(
+                raise StartError(
                     f"a drill named {name} runs already: choose another --namespace, "
-                    "or give --allow-duplicate"
+                    "or give --allow-duplicate",
+                    1,
                 )
             overrides = [Parameter(name, value=value) for name, value in values.items()]
             yield DrillNode(duration, plan, namespace=namespace, parameter_overrides=overrides)

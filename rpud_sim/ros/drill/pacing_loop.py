@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.threads import Requests, StoppedError
+from rpud_sim.ros.threads import RequestError, Requests
 from rpud_sim.simulation.configuration import Settings
 
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
@@ -91,7 +91,7 @@ class PacingLoop:
     def request(self, action: Callable[[Session], Any]) -> Any:
         """Have something done between two blocks; see ``Requests.do``."""
         if (session := self.started) is None:
-            raise StoppedError("the node has not been activated")
+            raise RequestError("the node has not been activated")
         return self._requests.do(lambda: action(session))
 
     def quit(self) -> None:

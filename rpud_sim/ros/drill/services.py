@@ -34,9 +34,9 @@ from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.publishers import nanoseconds_to_time
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.drill.timeline import LONGEST_STEP, InterruptedStepError, Reached
+from rpud_sim.ros.drill.timeline import INTERRUPTED, LONGEST_STEP, Reached
 from rpud_sim.ros.graph import DiscoveryProbe, filled
-from rpud_sim.ros.threads import StoppedError
+from rpud_sim.ros.threads import RequestError
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import Clear, Inject
 from rpud_sim.simulation.configuration import Settings
@@ -58,14 +58,6 @@ QUITTING = SimulationState.STATE_QUITTING
 _ALREADY = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
 
 _MOST_NODES = 100  # that are asked at a time, for any request
-
-
-class RefusedRequestError(Exception):
-    """Refused request, with the number of its result."""
-
-    def __init__(self, result: int, reason: str) -> None:
-        super().__init__(reason)
-        self.result = result
 
 
 class DrillServices:
@@ -117,11 +109,9 @@ class DrillServices:
             act()
         except Exception as error:  # the client must get an answer in any case
             code, reason = Result.RESULT_OPERATION_FAILED, str(error)
-            if isinstance(error, RefusedRequestError):
-                code = error.result
-            elif isinstance(error, StoppedError):
-                code = Result.RESULT_INCORRECT_STATE
-            if code != _ALREADY and not isinstance(error, InterruptedStepError):
+            own = error.result if isinstance(error, RequestError) else code
+            code = Result.RESULT_INCORRECT_STATE if own is None else own
+            if code != _ALREADY and not (isinstance(error, RequestError) and own == INTERRUPTED):
                 self._node.refuse_request(reason)
         if hasattr(response, "result"):
             response.result.result, response.result.error_message = code, reason
@@ -130,7 +120,7 @@ class DrillServices:
         return response
 
     def _get_journal(self, request: GetJournal.Request, response: Any) -> Any:
-        with contextlib.suppress(StoppedError):  # then nothing waits to be published
+        with contextlib.suppress(RequestError):  # then nothing waits to be published
             self._loop.request(Session.publish_changes)
         if (session := self._loop.session) is not None:
             journal = session.publishers.journal
@@ -151,7 +141,7 @@ class DrillServices:
             ]
             response.kinds = list(simulation.supported_kinds())
 
-        with contextlib.suppress(StoppedError):  # without a run there are no faults
+        with contextlib.suppress(RequestError):  # without a run there are no faults
             self._loop.request(act)
         values = self._settings().values()
         response.channels = [name for name in CHANNELS if TOPICS[name].is_offered(values)]
@@ -177,7 +167,7 @@ class DrillServices:
 
     def _engage(self, request: SetBool.Request, response: Any) -> None:
         if self._loop.session is None:
-            raise StoppedError("the node has not been configured")
+            raise RequestError("the node has not been configured")
         regime = "drilling" if request.data else "free"
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
         if not result.successful:
@@ -206,7 +196,7 @@ class DrillServices:
         def act(session: Session) -> None:
             _check_own_time(session, "control")
             if _state_of(session) == state and session.timeline.goal is None:
-                raise RefusedRequestError(_ALREADY, "it is in that state already")
+                raise RequestError("it is in that state already", _ALREADY)
             timeline = session.timeline
             {STOPPED: session.halt, PLAYING: timeline.play, PAUSED: timeline.pause}[state]()
 
@@ -232,7 +222,7 @@ class DrillServices:
         self._loop.request(act)
 
     def step_until(self, until_of: Callable[[Session], int], shuffle: int = 0) -> Reached:
-        """Step to a time [ns] that is found between two blocks, or raise InterruptedStepError.
+        """Step to a time [ns] that is found between two blocks, or raise RequestError.
 
         ``shuffle`` is as in ``Session.step``.
         """
@@ -294,8 +284,8 @@ def _check_own_time(session: Session, verb: str) -> None:
         raise _unsupported(f"the time is that of /clock: {verb} its source")
 
 
-def _unsupported(reason: str) -> RefusedRequestError:
-    return RefusedRequestError(Result.RESULT_FEATURE_UNSUPPORTED, reason)
+def _unsupported(reason: str) -> RequestError:
+    return RequestError(reason, Result.RESULT_FEATURE_UNSUPPORTED)
 
 
 class DeliveryServer:

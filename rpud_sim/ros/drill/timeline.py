@@ -12,23 +12,21 @@ from typing import NamedTuple
 from rclpy.clock import JumpThreshold, ROSClock, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rpud_msgs.msg import Result
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Fields
-from rpud_sim.ros.threads import DelayHistogram
+from rpud_sim.ros.threads import DelayHistogram, RequestError
 from rpud_sim.simulation.configuration import Settings
 
+INTERRUPTED = Result.RESULT_OPERATION_FAILED  # result of a step that ends before its goal
 LONGEST_STEP = 1e6  # [s]; longer than any mission
 # Between two ticks of another's ``/clock``, as far as its time goes on: more is another time [s].
 LONGEST_TICK = 10.0
 # A block is computed this long before its deadline, or right after the block before [s]. Requests
 # and parameters wait for its end from then on: with a longer lead services would answer late.
 LEAD = 0.01
-
-
-class InterruptedStepError(RuntimeError):
-    """A step that ended before its goal; the text says why."""
 
 
 class Reached(NamedTuple):
@@ -270,7 +268,7 @@ class Timeline:
             raise ParameterError(f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s")
 
     def step(self, goal: int) -> Future[Reached]:
-        """Let time go on to a goal [ns]; return its end, or an ``InterruptedStepError``."""
+        """Let time go on to a goal [ns]; return its end, or a ``RequestError`` if interrupted."""
         self.goal, self._step = goal, Future()
         return self._step
 
@@ -278,7 +276,7 @@ class Timeline:
         """End a step that is under way before its goal."""
         if self.goal is not None:
             self.goal = None
-            self._step.set_exception(InterruptedStepError(f"interrupted: {reason}"))
+            self._step.set_exception(RequestError(f"interrupted: {reason}", INTERRUPTED))
 
     def reach(self, reached: Reached) -> None:
         """End a step whose goal is reached."""

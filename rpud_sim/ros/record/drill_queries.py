@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rpud_sim.bag import Message
 from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import STATUS, node_name
-from rpud_sim.ros.record.recorded_topic import is_damaged
+from rpud_sim.ros.received import is_damaged
 from rpud_sim.ros.record.recorder_node import Recorder
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ class JournalQuery:
             missing -= len(entries)
             first = int(entries[-1][0].sequence) + 1
         logger = self._node.get_logger()
-        logger.info(f"got {wanted - missing} entries of {topic} that had not come")
+        logger.info(f"fetched {wanted - missing} missing entries of {topic} from the drill")
         if missing:
             logger.warning(f"the drill has dropped {missing} entries of {topic}")
         if before is not None:  # what came before the recorder is not lost

@@ -68,7 +68,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             query, journals = ParameterQuery(node, sys.argv), JournalQuery(node)
             _collect(node, query, journals, bag, options, stop, show)
             if stop.orphaned:
-                node.get_logger().warning("the process that started the recorder has ended")
+                node.get_logger().warning("parent process exited; shutting down")
             node.end()
             time.sleep(_DRAIN_TIME)
             node.receive_all()
@@ -206,6 +206,6 @@ def failure(node: Recorder, *, allow_empty: bool) -> str:
         spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})
         hint = "" if node.topics else suggestion(prefix, spaces)
         reasons.append(f"nothing came on {len(node.topics)} topics in {prefix}{hint}")
-    if twofold := sorted(name for name, topic in node.topics.items() if topic.further_types):
+    if twofold := sorted(name for name, types in node.further_types.items() if len(types) > 1):
         reasons.append(f"topics with further types, which are not in the bag: {', '.join(twofold)}")
     return "; ".join(reasons)

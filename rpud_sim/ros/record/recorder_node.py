@@ -28,12 +28,15 @@ from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.metadata import Losses
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.endpoints import taken
-from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, node_name
+from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, message_class, node_name
 from rpud_sim.ros.options import RecordOptions
+from rpud_sim.ros.received import ReceivedTopic, Sink
+from rpud_sim.ros.record.declaration import declaration
 from rpud_sim.ros.record.log_clock import LogClock
-from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
 
+# Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
+_DEPTH = 10_000
 _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
@@ -69,7 +72,9 @@ class Recorder(Node):
         self._options = options
         self._named: frozenset[str] = frozenset(map(self.resolve_topic_name, options.topics))
         self._prefix = self.get_namespace().rstrip("/") + "/"
-        self.topics: dict[str, RecordedTopic] = {}  # that are subscribed
+        self.topics: dict[str, ReceivedTopic] = {}  # that are subscribed
+        self.further_types: dict[str, set[str]] = {}  # of these, which are not recorded
+        self._declared: set[str] = set()  # topics that the bag has
         # topics, and further types of recorded ones, that are not recorded, with reasons
         self.skipped: dict[str, str] = {}
         self.taken = 0  # messages that were received
@@ -107,8 +112,11 @@ class Recorder(Node):
 
     @property
     def losses(self) -> dict[str, Losses]:
-        refused = self.intake.refused
-        return {name: topic.losses(refused[name]) for name, topic in self.topics.items()}
+        queue = self.intake.refused
+        return {
+            name: Losses(each.lost if each.numbered else None, queue[name], each.damaged)
+            for name, each in self.topics.items()
+        }
 
     @contextmanager
     def guard(self, what: str) -> Iterator[None]:
@@ -253,7 +261,9 @@ class Recorder(Node):
         reasons = []
         for type_name in types if name not in self.topics else ():
             try:
-                self.topics[name] = RecordedTopic(self, name, type_name)
+                self.topics[name] = ReceivedTopic(
+                    self, name, message_class(type_name), self._sink(name), depth=_DEPTH
+                )
                 self.get_logger().info(f"subscribed {name} [{type_name}]")
                 break
             except (UnknownTypeError, RuntimeError) as error:  # RCLError
@@ -263,36 +273,41 @@ class Recorder(Node):
             self._skip(name, "; ".join(reasons) or "it has no type")
             return
         # The middleware has one type for a topic in one participant.
+        known = self.further_types.setdefault(name, {topic.type})
         for type_name in types:
-            if type_name != topic.type and type_name not in topic.further_types:
-                topic.further_types.add(type_name)
+            if type_name not in known:
+                known.add(type_name)
                 self._skip(f"{name} [{type_name}]", f"the topic is recorded as {topic.type}")
 
     def _skip(self, name: str, reason: str) -> None:
         self.skipped[name] = reason
         self.get_logger().warning(f"not recorded: {name}: {reason}")
 
-    def _renew(self, topic: RecordedTopic, reason: str) -> None:
+    def _renew(self, topic: ReceivedTopic, reason: str) -> None:
         while self._receive(topic) < inf:
             pass
         topic.renew()
         self.get_logger().warning(f"subscribed {topic.name} again, as {reason}")
 
-    def _receive(self, topic: RecordedTopic) -> float:
+    def _receive(self, topic: ReceivedTopic) -> float:
         """Take some messages; return the time of reception of the last, inf if none is left."""
         room, received = _BATCH_SIZE, inf
+        topic.counts = not self.intake.paused
         for data, info in taken(topic.subscription, room):
             room -= 1
             received = info["received_timestamp"]
-            if min(info["source_timestamp"], received) > self._end:
-                continue
-            message = topic.accept(data, info, counts=not self.intake.paused)
-            if message is not None:
-                self._declare(topic, received=True)
-                self._batch.append(message)
+            if min(info["source_timestamp"], received) <= self._end:
+                topic.receive(data, info)
         return inf if room else received
 
-    def _declare(self, topic: RecordedTopic, *, received: bool) -> None:
-        if not topic.declared:
-            topic.declared = True
-            self.intake.declare(*topic.declaration(received=received))
+    def _sink(self, name: str) -> Sink:
+        def add(data: bytes, publish_time: int, log_time: int) -> None:
+            self._declare(self.topics[name], received=True)
+            self._batch.append(Message(name, log_time, publish_time, data))
+
+        return add
+
+    def _declare(self, topic: ReceivedTopic, *, received: bool) -> None:
+        if topic.name not in self._declared:
+            self._declared.add(topic.name)
+            self.intake.declare(*declaration(topic, received=received))

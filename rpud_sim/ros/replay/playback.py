@@ -14,7 +14,7 @@ from rpud_sim.bag import Message
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.options import RATE, ReplayOptions
-from rpud_sim.ros.threads import DelayHistogram, Requests, StoppedError, schedule_thread
+from rpud_sim.ros.threads import DelayHistogram, RequestError, Requests, schedule_thread
 
 _BATCH_MESSAGES = 256
 _BATCH_BYTES = 1 << 20  # beyond which a batch ends
@@ -78,10 +78,6 @@ def read_ahead(messages: Iterable[Message]) -> Messages:
         thread.join()
 
 
-class PlaybackError(Exception):
-    """Request that the state of the replay does not permit; it changes nothing."""
-
-
 class Outputs(Protocol):
     """Publishers of a replay."""
 
@@ -132,7 +128,7 @@ class Playback:
         self._stopped = False
         self._failure: Exception | None = None
         self._wake = threading.Event()
-        self._requests = Requests(self._wake.set)
+        self._requests = Requests(self._wake.set, "the replay has ended")
         self.published = 0
         self.lateness = DelayHistogram()
 
@@ -152,10 +148,7 @@ class Playback:
 
     def do(self, action: Callable[[Playback], Result]) -> Result:
         """Have something done between two messages; return its result, raise what it raises."""
-        try:
-            return self._requests.do(lambda: action(self))
-        except StoppedError:
-            raise PlaybackError("the replay has ended") from None
+        return self._requests.do(lambda: action(self))
 
     @property
     def position(self) -> int:
@@ -217,14 +210,14 @@ class Playback:
         try:
             RATE.check("rate", rate)
         except ParameterError as error:
-            raise PlaybackError(str(error)) from None
+            raise RequestError(str(error)) from None
         self._stay()
         self.rate = rate
 
     def seek(self, position: int) -> None:
         """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
         if position > self._last:
-            raise PlaybackError(
+            raise RequestError(
                 f"time = {position / SECOND:.3f} s is after the last, {self._last / SECOND:.3f} s"
             )
         self._go(max(self._first, position))
@@ -232,9 +225,9 @@ class Playback:
     def play_next(self) -> None:
         """Publish the next message of a paused playback; its time is the position then."""
         if not self.paused:
-            raise PlaybackError("the replay is not paused")
+            raise RequestError("the replay is not paused")
         if self._next is None:
-            raise PlaybackError("the replay is at its end")
+            raise RequestError("the replay is at its end")
         self._from = self._next.log_time
         if self._period is not None:
             self._outputs.publish_clock(self._from)

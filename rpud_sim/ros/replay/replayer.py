@@ -34,8 +34,8 @@ from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import CLOCK, ClockSources, UnknownTypeError, filled, message_class
 from rpud_sim.ros.options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.process import StopRequest, running_ros
-from rpud_sim.ros.replay.playback import Messages, Playback, PlaybackError, read_ahead
-from rpud_sim.ros.threads import quick_switches, raised, serve, settled_memory
+from rpud_sim.ros.replay.playback import Messages, Playback, read_ahead
+from rpud_sim.ros.threads import RequestError, quick_switches, raised, serve, settled_memory
 
 _PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
@@ -247,7 +247,7 @@ def _answer(
     reason = ""
     try:
         playback.do(lambda each: act(each, request))
-    except PlaybackError as error:
+    except RequestError as error:
         reason = str(error)
         node.get_logger().warning(f"{name} is refused: {reason}")
     except Exception as error:  # out of the executor it would leave a client without answer
@@ -257,14 +257,6 @@ def _answer(
     if hasattr(response, "message"):
         response.message = reason
     return response
-
-
-class OptionError(ParameterError):
-    """Options that do not fit the bag; the message is one line."""
-
-
-class ReplayError(ExpectedError, RuntimeError):
-    """Bag of which no topic can be replayed; the message is one line."""
 
 
 class Replayed(NamedTuple):
@@ -285,7 +277,7 @@ def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeB
 def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]:
     duration = bag.duration / SECOND
     if options.start > duration:
-        raise OptionError(
+        raise ParameterError(
             f"--start is {options.start:g} s; it must be from 0 to {duration:.3f} s, "
             f"the duration of {bag.path}"
         )
@@ -300,7 +292,7 @@ def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]
             if name not in held:
                 has = listed(held)
                 hint = suggestion(name, held)
-                raise OptionError(f"{option} names {name:.200}{hint}; {bag.path} has {has}")
+                raise ParameterError(f"{option} names {name:.200}{hint}; {bag.path} has {has}")
     return [
         summary
         for summary in bag.topics
@@ -325,7 +317,7 @@ def _replay(
     )
     if not node.topics:
         if topics:
-            raise ReplayError(f"nothing of {bag.path} can be replayed here")
+            raise ExpectedError(f"nothing of {bag.path} can be replayed here")
         return Replayed(f"{printable(bag.path)} has no messages to replay", complete=True)
     for text in bag.unread_offers:
         node.warn(text)

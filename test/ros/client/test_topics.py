@@ -22,9 +22,9 @@ from rpud_sim.ros.client.listening_node import ClientError, ListeningNode
 from rpud_sim.ros.client.topics import (
     _TYPES,
     FIELDS,
-    TopicListener,
     decoded,
     field_getter,
+    listen,
     to_plain,
 )
 
@@ -54,53 +54,66 @@ def listening():
         yield listening
 
 
-def first(listener):
-    """Return the first messages that come."""
-    return listener.take(PATIENCE)
+class Listener:
+    """Topic with its messages, which come while it waits."""
+
+    def __init__(self, listening, name, **options):
+        self._listening, self._messages = listening, []
+        self.topic = listen(listening, name, self._messages, **options)
+
+    def take(self, seconds=PATIENCE):
+        self._listening.wait_until(lambda: self._messages, "a message", seconds)
+        messages = self._messages.copy()
+        self._messages.clear()
+        return messages
+
+    def wait_for(self, send):
+        while not self._messages:
+            send()
+            self._listening.spin(0.1)
+        return self.take()
 
 
 def test_a_latched_topic_gives_its_last_messages(talker, listening):
     publisher = talker.create_publisher(String, "latched", LATCHED)
     for number in range(5):
         publisher.publish(String(data=str(number)))
-    listener = TopicListener(listening, "latched")
-    assert listener.kind is String
-    heard = first(listener)
+    listener = Listener(listening, "latched")
+    assert listener.topic.kind is String
+    heard = listener.take()
     while len(heard) < 3:
-        heard += first(listener)
+        heard += listener.take()
     assert [each.data for each in heard] == ["2", "3", "4"]
 
 
 def test_a_best_effort_publisher_that_comes_later_is_received_too(talker, listening):
     talker.create_publisher(Int32, "mixed", 10)
-    listener = TopicListener(listening, "mixed")
+    listener = Listener(listening, "mixed")
     sensor = talker.create_publisher(Int32, "mixed", SENSOR)
-    while not (heard := listener.take(0.2)):
-        sensor.publish(Int32(data=7))
+    heard = listener.wait_for(lambda: sensor.publish(Int32(data=7)))
     assert heard[0].data == 7
 
 
 def test_a_topic_that_is_not_there_is_one_line_with_the_nearest_name(talker, listening):
     talker.create_publisher(String, "speech", 10)
-    TopicListener(listening, "speech")
+    listen(listening, "speech", [])
     with pytest.raises(ClientError) as error:
-        TopicListener(listening, "speach", patience=0.1)
+        listen(listening, "speach", [], patience=0.1)
     assert str(error.value) == "no topic /heard/speach within 0.1 s; did you mean /heard/speech?"
 
 
 def test_messages_that_a_slow_listener_lost_are_counted(talker, listening):
     publisher = talker.create_publisher(Int32, "flood", SENSOR)
-    listener = TopicListener(listening, "flood")
-    while not listener.take(0.1):
-        publisher.publish(Int32(data=-1))
+    listener = Listener(listening, "flood")
+    listener.wait_for(lambda: publisher.publish(Int32(data=-1)))
     for number in range(6000):  # more than may wait
         publisher.publish(Int32(data=number))
     heard, sent = [], 6000
     while not (heard and heard[-1].data == sent - 1):  # best effort: the last may be lost too
         publisher.publish(Int32(data=sent))
         sent += 1
-        heard += listener.take(0.2)
-    assert listener.lost == sent - len([each for each in heard if each.data >= 0]) > 0
+        heard += listener.take()
+    assert listener.topic.lost == sent - len([each for each in heard if each.data >= 0]) > 0
 
 
 FAULTS = Faults(

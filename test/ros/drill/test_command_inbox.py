@@ -291,7 +291,7 @@ def test_refusals_are_counted_and_logged_and_of_a_flood_only_some(monkeypatch):
         inbox.refuse(GIVEN, str(number))
     assert inbox.rejected == len(woken) == 10_001
     assert len(log) == 11
-    assert log[-1] == "more is refused in this second, and counted"
+    assert log[-1] == "further rejections in this second are counted but not logged"
 
 
 def test_each_result_is_told_once_after_the_last_ones_of_each_kind():

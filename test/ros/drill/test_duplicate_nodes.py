@@ -7,8 +7,9 @@ import sys
 import pytest
 import rclpy
 
-from rpud_sim.ros.drill.drill_node import DuplicateError, open_drill
+from rpud_sim.ros.drill.drill_node import open_drill
 from rpud_sim.ros.drill.managed_node import NameHold
+from rpud_sim.ros.process import StartError
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
@@ -59,7 +60,7 @@ def test_a_second_drill_of_a_name_is_refused_unless_that_is_allowed(namespace):
     rclpy.init(context=context)
     hold = NameHold(name, context.get_domain_id())
     rclpy.shutdown(context=context)
-    with pytest.raises(DuplicateError, match=f"a drill named {name} runs already"):
+    with pytest.raises(StartError, match=f"a drill named {name} runs already"):
         open_drill({}, namespace).__enter__()
     with open_drill({}, namespace, allow_duplicate=True) as second:
         second.destroy_node()

@@ -9,8 +9,7 @@ from support import PATIENCE, until
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.drill.timeline import InterruptedStepError
-from rpud_sim.ros.threads import StoppedError
+from rpud_sim.ros.threads import RequestError
 from rpud_sim.simulation.configuration import Settings
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
@@ -41,7 +40,7 @@ def start(drill_node):
 def test_before_the_start_a_request_is_refused(start):
     loop, _ = start(begin=False)
     assert loop.started is None
-    with pytest.raises(StoppedError, match="the node has not been activated"):
+    with pytest.raises(RequestError, match="the node has not been activated"):
         loop.request(lambda session: None)
 
 
@@ -51,7 +50,7 @@ def test_it_ends_where_the_simulation_ends_and_refuses_what_comes_later(start, f
     until(lambda: loop.finished)
     loop.stop()
     assert (loop.failure, session.run.time) == (None, 5 * PERIOD)
-    with pytest.raises(StoppedError, match="the drill has stopped"):
+    with pytest.raises(RequestError, match="the drill has stopped"):
         loop.request(lambda session: None)
 
 
@@ -84,7 +83,7 @@ def test_a_stop_ends_a_step_with_an_error_and_a_standstill_at_once(start):
     def step():
         try:
             loop.request(lambda session: session.step(10**6 * SECOND))
-        except InterruptedStepError as error:
+        except RequestError as error:
             failures.append(str(error))
 
     stepper = threading.Thread(target=step)
@@ -111,5 +110,5 @@ def test_an_error_ends_it_and_every_request(start, tmp_path):
     session.act = fail
     until(lambda: loop.finished)
     assert str(loop.failure) == "the disk is gone"
-    with pytest.raises(StoppedError):
+    with pytest.raises(RequestError):
         loop.request(lambda session: None)

@@ -19,7 +19,8 @@ from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.pacing_loop import take_turn
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.drill.timeline import InterruptedStepError, Pacer
+from rpud_sim.ros.drill.timeline import Pacer
+from rpud_sim.ros.threads import RequestError
 from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
@@ -277,7 +278,7 @@ def test_a_step_ends_at_its_goal_without_a_deadline_and_its_status_comes_first(d
 def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason):
     step = drill.step(PERIOD)
     change(drill)
-    with pytest.raises(InterruptedStepError, match=f"^interrupted: {reason}$"):
+    with pytest.raises(RequestError, match=f"^interrupted: {reason}$"):
         step.result(0.0)
     drill.timeline.pause()
     another = drill.step(2 * PERIOD)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.ros.options import RATE, ReplayOptions
-from rpud_sim.ros.replay.playback import Playback, PlaybackError, read_ahead
+from rpud_sim.ros.replay.playback import Playback, read_ahead
+from rpud_sim.ros.threads import RequestError
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -87,7 +88,7 @@ def test_every_message_comes_when_it_is_due(offsets, rate):
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * RATE.maximum])
 def test_an_impossible_rate_is_refused_and_changes_nothing(rate):
     stage = Stage([0, SECOND])
-    with pytest.raises(PlaybackError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
+    with pytest.raises(RequestError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
         stage.playback.set_rate(rate)
     assert stage.playback.rate == 1.0
 
@@ -130,7 +131,7 @@ def test_a_seek_before_the_beginning_goes_there_and_one_after_the_end_is_refused
     stage.run(0.5)
     stage.playback.seek(0)
     assert stage.playback.position == START + SECOND
-    with pytest.raises(PlaybackError, match=r"after the last, 1700000009\.0"):
+    with pytest.raises(RequestError, match=r"after the last, 1700000009\.0"):
         stage.playback.seek(START + 9 * SECOND + 1)
     assert stage.playback.position == START + SECOND
 
@@ -144,7 +145,7 @@ def test_steps_go_from_message_to_message():
     assert [offset for offset, _ in stage.sent] == [0, SECOND, SECOND, 5 * SECOND]
     # Whoever follows /clock has the time of a message when it comes.
     assert [offset for offset, _ in stage.ticks[1:]] == [0, SECOND, SECOND, 5 * SECOND]
-    with pytest.raises(PlaybackError, match="at its end"):
+    with pytest.raises(RequestError, match="at its end"):
         stage.playback.play_next()
     assert stage.run(10.0)  # it stays, to be moved back
     stage.playback.seek(START + SECOND)

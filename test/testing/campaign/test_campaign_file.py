@@ -16,7 +16,7 @@ requirements:
 system:
   command: python supervisor.py --ros-args -r __ns:=/rpud
   answers: [command/weight_on_bit]
-  hears: [reacting_force]
+  subscribes_to: [reacting_force]
 drill: {regime: drilling, drive_enabled: true}
 duration: 2.0
 seeds: [1, 2]

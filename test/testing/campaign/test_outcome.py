@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.testing.campaign_file import read_campaign
-from rpud_sim.testing.campaign_runs import fly
+from rpud_sim.testing.campaign_runs import run_once
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 SUPERVISORS = Path(__file__).resolve().parents[2] / "helpers"  # with the plugin's node under test
@@ -14,7 +14,7 @@ system:
   {system}
   folder: {folder}
   answers: [supervisor/heartbeat]
-  hears: [reacting_force]
+  subscribes_to: [reacting_force]
   answer_timeout: {patience}
   run_timeout: {limit}
 duration: 1.0
@@ -31,7 +31,7 @@ expectations:
 
 
 @pytest.fixture
-def flight(pool, tmp_path):
+def attempt(pool, tmp_path):
     drills = []
 
     def start(how="works", patience=60.0, limit=600.0, launch=None):
@@ -44,7 +44,7 @@ def flight(pool, tmp_path):
         )
         campaign = read_campaign(file)
         drills.append(pool.take(campaign.runs[0].setup, campaign.system.place))
-        return fly(drills[-1], campaign.runs[0], campaign.system, campaign.expectations)
+        return run_once(drills[-1], campaign.runs[0], campaign.system, campaign.expectations)
 
     yield start
     for drill in drills:
@@ -55,8 +55,8 @@ def outcomes(outcome):
     return {verdict.name: verdict.outcome for verdict in outcome.verdicts}
 
 
-def test_a_system_that_dies_is_a_verdict_with_its_last_lines(flight):
-    outcome = flight("dies")
+def test_a_system_that_dies_is_a_verdict_with_its_last_lines(attempt):
+    outcome = attempt("dies")
     assert outcome.ending == "died"
     assert "exit code 3" in outcome.text
     assert "the supervisor dies" in outcome.text
@@ -77,8 +77,8 @@ def test_a_system_that_dies_is_a_verdict_with_its_last_lines(flight):
         ("lags", "late", "whose last answer is for 0.300 s"),
     ],
 )
-def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending, text):
-    outcome = flight(how, patience=2.0)
+def test_a_system_that_does_not_answer_in_time_is_a_verdict(attempt, how, ending, text):
+    outcome = attempt(how, patience=2.0)
     assert outcome.ending == ending
     assert "no answer for 0.400 s of simulation time on " in outcome.text
     assert " within 2 s" in outcome.text
@@ -86,7 +86,7 @@ def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending,
     assert outcomes(outcome)["system under test"] == FAILED
 
 
-def test_a_run_that_takes_too_long_ends_as_late(flight):
-    outcome = flight("works", limit=1e-3)
+def test_a_run_that_takes_too_long_ends_as_late(attempt):
+    outcome = attempt("works", limit=1e-3)
     assert outcome.ending == "late"
     assert "after 0.001 s" in outcome.text

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.testing.campaign_file import read_campaign
-from rpud_sim.testing.campaign_runs import fly
+from rpud_sim.testing.campaign_runs import run_once
 
 CAMPAIGN = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
 RUN = "jammed actuator_restitution=0.8 seed=1"
@@ -21,7 +21,7 @@ OF_THE_MACHINE = ("status",)  # it also says how fast the drill was
 def digest_of(drill):
     """Return a digest of what was published and commanded, by topic and simulation time.
 
-    The entries of the journal are numbered since the drill's start, which is before the flight.
+    The entries of the journal are numbered since the drill's start, which is before the attempt.
     """
     digest = hashlib.sha256()
     for topic, heard in sorted(drill.heard.items()):
@@ -42,7 +42,7 @@ def test_a_run_gives_the_same_results_each_time(pool):
     found = []
     for _ in range(REPETITIONS):
         drill = pool.take(run.setup, campaign.system.place)
-        outcome = fly(drill, run, campaign.system, campaign.expectations)
+        outcome = run_once(drill, run, campaign.system, campaign.expectations)
         found.append((outcome, digest_of(drill)))
         pool.give_back(drill)
     assert found == [found[0]] * REPETITIONS

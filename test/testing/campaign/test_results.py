@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from campaign_results import FAILURE, OPEN, flown
+from campaign_results import FAILURE, OPEN, attempt
 
 from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_runs import SYSTEM, campaign_page, results_from_reports
@@ -20,7 +20,7 @@ def campaign():
 
 def test_a_requirement_fails_in_the_scenario_where_a_run_breaks_it(campaign):
     broken = next(run for run in campaign.runs if run.scenario == "jammed")
-    results = flown(campaign, lambda run: {"judged": {"force": FAILURE}} if run is broken else {})
+    results = attempt(campaign, lambda run: {"judged": {"force": FAILURE}} if run is broken else {})
     assert [name for name, each in results.outcomes.items() if each == FAILED] == ["SAFE-1"]
     cell = results.cells["SAFE-1", "jammed"]
     assert (cell.outcome, cell.margin, cell.unit, cell.reaction_time) == (FAILED, -1.5, "N", 0.25)
@@ -36,9 +36,9 @@ def test_a_requirement_fails_in_the_scenario_where_a_run_breaks_it(campaign):
 
 
 def test_a_requirement_that_no_run_decides_has_not_passed(campaign):
-    results = flown(campaign, lambda run: {"judged": {"drive off": OPEN}})
+    results = attempt(campaign, lambda run: {"judged": {"drive off": OPEN}})
     assert results.undecided == {"SAFE-2": OPEN[-1]}
-    decided = flown(
+    decided = attempt(
         campaign,
         lambda run: {} if run.scenario == "jammed" else {"judged": {"drive off": OPEN}},
     )
@@ -50,7 +50,7 @@ def test_a_requirement_that_no_run_decides_has_not_passed(campaign):
 
 def test_a_requirement_without_an_expectation_has_not_passed(campaign):
     further = {**campaign.requirements, "SAFE-9": "It never melts."}
-    results = flown(campaign._replace(requirements=further))
+    results = attempt(campaign._replace(requirements=further))
     assert results.outcomes["SAFE-9"] == UNDECIDED
     assert "no verdict" in campaign_page(results)
     assert results.lines()[-1] == "requirements: 6 passed, 0 failed, 1 undecided"
@@ -58,21 +58,21 @@ def test_a_requirement_without_an_expectation_has_not_passed(campaign):
 
 def test_a_system_under_test_that_dies_is_a_verdict_of_its_own(campaign):
     text = "supervisor.py ended with exit code 3, at 0.4 s of simulation time\n    out of memory"
-    results = flown(campaign, lambda run: {"ending": "died", "text": text})
+    results = attempt(campaign, lambda run: {"ending": "died", "text": text})
     assert results.outcomes[SYSTEM] == FAILED
     assert results.runs[0].failures == [text]
     assert "out of memory" in campaign_page(results)
 
 
 def test_the_page_escapes_names_and_links_to_bags(campaign):
-    page = campaign_page(flown(campaign._replace(name="<script>alert(1)</script>")))
+    page = campaign_page(attempt(campaign._replace(name="<script>alert(1)</script>")))
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert 'href="nominal%20' in page
 
 
 def test_results_travel_as_plain_values_and_are_json_without_infinity(campaign):
-    made = flown(campaign, lambda run: {"judged": {"force": FAILURE, "drive off": OPEN}})
+    made = attempt(campaign, lambda run: {"judged": {"force": FAILURE, "drive off": OPEN}})
     content = json.loads(json.dumps(made.to_dict(), allow_nan=False))
     assert content["counts"] == {"passed": 4, "failed": 1, "undecided": 1}
     reports = [each | {"name": each["run"]} for each in content["runs"]]

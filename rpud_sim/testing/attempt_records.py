@@ -1,4 +1,4 @@
-"""Records of flights: what nodes under test have published; and the first difference of two."""
+"""Records of attempts: what nodes under test have published; and the first difference of two."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Heard(NamedTuple):
 
 
 class DrillRecord(NamedTuple):
-    """Flight of one drill."""
+    """Attempt of one drill."""
 
     heard: tuple[Heard, ...]  # one for each reset and the end
     verdicts: tuple[Verdict, ...]
@@ -53,7 +53,7 @@ class DrillRecord(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """First difference of two flights; the order of these is that of what comes first."""
+    """First difference of two attempts; the order of these is that of what comes first."""
 
     part: int  # number of resets before
     stamp: int  # [ns]
@@ -69,7 +69,7 @@ def heard_of(collector: Collector, computed: ComputedDrill) -> Heard:
     own = f"{collector.node.get_namespace().rstrip('/')}/"
     found = {}
     for name, topic in collector.topics.items():
-        if topic.numbered or name in _OTHERS or name == f"{own}command_results":
+        if topic.numbered_alone or name in _OTHERS or name == f"{own}command_results":
             continue
         rows = [
             (payload, stamp)
@@ -84,7 +84,7 @@ def heard_of(collector: Collector, computed: ComputedDrill) -> Heard:
 
 
 def first_difference(first: DrillRecord, there: DrillRecord) -> Difference | None:
-    """Return the first difference of a shaken flight from the first one, by stamp and topic."""
+    """Return the first difference of a shaken run from the first one, by stamp and topic."""
     for part, (ours, theirs) in enumerate(zip(there.heard, first.heard, strict=False)):
         found = [
             *(
@@ -104,9 +104,9 @@ def verdict_differences(first: Sequence[Verdict], there: Sequence[Verdict]) -> l
     for ours, theirs in zip(there, first, strict=False):
         mine, before = _verdict(ours), _verdict(theirs)
         if mine != before:
-            lines.append(f"verdict {ours.name}: {mine}, in the first flight {before}")
+            lines.append(f"verdict {ours.name}: {mine}, in the first run {before}")
     if len(there) != len(first):
-        lines.append(f"{len(there)} verdicts, in the first flight {len(first)}")
+        lines.append(f"{len(there)} verdicts, in the first run {len(first)}")
     return lines
 
 
@@ -127,12 +127,12 @@ def _of_topic(
         only = there or first
         if only is None or not only.payloads:
             return None
-        where = "only there" if first is None else "only in the first flight"
+        where = "only there" if first is None else "only in the first run"
         return Difference(part, only.stamps[0], name, f"is published {where}")
     place = _first_other(there.payloads, first.payloads)
     if place is None:
         return None
-    missing = f"{_count(there, place)}, in the first flight {_count(first, place)}"
+    missing = f"{_count(there, place)}, in the first run {_count(first, place)}"
     if place == len(first.payloads):
         return Difference(part, there.stamps[place], name, missing)
     if place == len(there.payloads):
@@ -140,9 +140,9 @@ def _of_topic(
     stamp, before = there.stamps[place], first.stamps[place]
     if there.stamped and stamp != before:
         if before in there.stamps[place:]:
-            return Difference(part, stamp, name, "a message, in the first flight none")
+            return Difference(part, stamp, name, "a message, in the first run none")
         if stamp in first.stamps[place:]:
-            return Difference(part, before, name, "no message, in the first flight one")
+            return Difference(part, before, name, "no message, in the first run one")
     text = fields_that_differ(
         deserialize_message(there.payloads[place], there.kind),
         deserialize_message(first.payloads[place], first.kind),
@@ -164,7 +164,7 @@ def _of_journals(
     ours, theirs = ([*each, None][place] for each in (there, first))
     stamp = min(each[0] for each in (ours, theirs) if each)
     ours, theirs = (each if each and each[0] == stamp else None for each in (ours, theirs))
-    text = ", in the first flight ".join(each[1] if each else "nothing" for each in (ours, theirs))
+    text = ", in the first run ".join(each[1] if each else "nothing" for each in (ours, theirs))
     return Difference(part, stamp, "what the drill did", text)
 
 
@@ -180,9 +180,7 @@ def fields_that_differ(there: Any, first: Any) -> str:
     ours, theirs = dict(_fields("", there)), dict(_fields("", first))
     names = [name for name in {**theirs, **ours} if ours.get(name) != theirs.get(name)]
     pairs = [(name, *_shown(ours.get(name), theirs.get(name))) for name in names[:_MOST]]
-    lines = [
-        f"{name} is {mine} there, {before} in the first flight" for name, mine, before in pairs
-    ]
+    lines = [f"{name} is {mine} there, {before} in the first run" for name, mine, before in pairs]
     if len(names) > _MOST:
         lines.append(f"and {len(names) - _MOST} more fields")
     return "; ".join(lines) or "other bits of the same values"
