@@ -71,8 +71,8 @@ VERBS: Mapping[str, Verb] = {
         },
     ),
     "move": Verb(
-        "Command the motion of a given mount: position [m], and velocity [m/s] from there on. A mount "
-        "that moves is held where it is after half a second without a motion.",
+        "Command the motion of a given mount: position [m], and velocity [m/s] from there on. A "
+        "mount that moves is held where it is after half a second without a motion.",
         "move the mount of a running drill with feed_model given",
         "--position 0.002",
         {

@@ -14,7 +14,7 @@ from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.process import STIFFEST
 from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import RotationParameters
-from rpud_sim.foundation.options import NAMESPACE, SEED
+from rpud_sim.foundation.options import NAMESPACE, NO_SEED, SEED
 from rpud_sim.foundation.quantities import (
     Declaration,
     Flag,
@@ -39,7 +39,6 @@ from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, Feed, Mo
 _LEAST_REAL_TIME_FACTOR = 0.01
 _FRAME_PREFIX = re.compile(r"([A-Za-z][\w/-]*)?", re.ASCII)
 
-NO_SEED = -1  # in place of a seed: the initial phase is zero
 
 # A resonant vibration needs at least this modal mass, as a multiple of the free mass: blows would
 # turn a lighter one about, for which the model has no contact.

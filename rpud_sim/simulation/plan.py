@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.json_text import json_text
-from rpud_sim.foundation.options import SEED
+from rpud_sim.foundation.options import SEED_OR_NONE
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of, whole_time
@@ -101,15 +101,17 @@ class Beginning:
 
     @staticmethod
     def drawn(settings: Settings, seed: int | None = None) -> Beginning:
-        """Return the beginning that a seed draws: a given one, else that of the settings, or none.
+        """Return the beginning that a seed draws: a given one, else that of the settings.
+
+        Each may be ``NO_SEED``.
 
         It draws the initial phase, the values of the scenario and the noise of faulty signals.
         Without one the phase is zero, the scenario has its own, and the noise is that of seed 0.
         """
-        seed = settings.seed_or_none if seed is None else seed
         if seed is not None:
-            seed = int(SEED.check("seed", seed))
+            seed = int(SEED_OR_NONE.check("seed", seed))
             settings = dataclasses.replace(settings, seed=seed)
+        seed = settings.seed_or_none
         [phase] = initial_phases(1, seed)
         faults = read_scenario(settings.scenario, seed) if settings.scenario else ()
         return Beginning(settings, phase, seed or 0, faults)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
+from rpud_sim.foundation.options import NO_SEED
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
@@ -71,7 +72,7 @@ class LockstepDrill(Lockstep):
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
         self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
-        self.seed = 0  # of the drill
+        self.seed = NO_SEED  # of the drill
         self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from rpud_sim.foundation.options import NAMESPACE
+from rpud_sim.foundation.options import NAMESPACE, NO_SEED
 from rpud_sim.foundation.quantities import (
     ParameterError,
     did_you_mean,
@@ -44,7 +44,9 @@ class DrillSetup:
 
     # of the drill by name, without those of the lockstep, the scenario and the seed
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    seed: int = 0  # of the run; a reset always sets it, so that no test depends on the one before
+    seed: int = (
+        NO_SEED  # of the run; a reset always sets it, so that no test depends on the one before
+    )
     scenario: str = NO_FAULTS  # content of a scenario file
     namespace: str = NAMESPACE  # of the node
     faults: tuple[Fault, ...] = ()  # of the scenario, in the order of their onsets
@@ -97,7 +99,7 @@ def drill_setup(
     if faults is not None:
         place = place or cursor_at(options, "faults", FaultError)
         scenario, injected = _scenario(faults, folders, settings.configuration, place)
-    return DrillSetup(values, settings.seed_or_none or 0, scenario, namespace, injected)
+    return DrillSetup(values, settings.seed, scenario, namespace, injected)
 
 
 def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:

@@ -20,7 +20,7 @@ from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.options import NAMESPACE, SEED
+from rpud_sim.foundation.options import NAMESPACE, SEED_OR_NONE
 from rpud_sim.foundation.quantities import (
     Flag,
     ParameterError,
@@ -351,7 +351,7 @@ class DrillClient(ListeningNode):
         bits = SCOPES[scope] if isinstance(scope, str) else int(scope)
         request = srv.ResetSimulation.Request(scope=bits)
         if seed is not None:
-            request.reseed, request.seed = True, int(SEED.check("seed", seed))
+            request.reseed, request.seed = True, int(SEED_OR_NONE.check("seed", seed))
         self._ask("simulation/reset", request)
         # The drill published the status before it answered; they have no common order here.
         delivery = self.delivery()
