@@ -18,7 +18,7 @@ def folder(tmp_path):
 
 def test_without_options_the_drill_is_the_default_one():
     setup = drill_setup({})
-    assert (setup.parameters, setup.seed, setup.namespace) == ({}, 0, "/rpud")
+    assert (setup.parameters, setup.seed, setup.namespace) == ({}, -1, "/rpud")
     assert yaml.safe_load(setup.scenario) == {"faults": []}
 
 
