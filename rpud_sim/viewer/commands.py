@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from array import array
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +28,7 @@ _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed", "mount")  # kinds whose value holds until the next one
 
+_BEYOND = re.compile(r"[\w ]+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
 
 
@@ -87,7 +90,7 @@ class Commands:
 
     def refuse(self, time: float, reason: str) -> None:
         """Add a refusal to the log, at a time [s]."""
-        self._log(time, REFUSAL, f"refused: {reason}")
+        self._log(time, REFUSAL, f"refused: {plain_refusal(reason)}")
 
     @property
     def quantities(self) -> Collection[str]:
@@ -199,3 +202,15 @@ def _fault_text(fault: Mapping[str, Any]) -> str:
     kind, channel = str(fault["kind"]), str(fault.get("channel") or "")
     size = magnitude_text(kind, channel, float(fault.get("magnitude") or 0.0))
     return f"{fault_text(kind, channel).replace('_', ' ')} {size}".strip()
+
+
+def plain_refusal(reason: str) -> str:
+    """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
+    if found := _BEYOND.fullmatch(reason):
+        value, unit, low, high = (each or "" for each in found.groups())
+        with suppress(ValueError):
+            if float(value) < float(low):
+                return f"{value}{unit} is below {low}{unit}"
+            if float(value) > float(high):
+                return f"{value}{unit} is above {high}{unit}"
+    return reason

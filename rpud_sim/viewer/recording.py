@@ -16,7 +16,7 @@ import numpy as np
 import rpud_sim.bag
 from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.batches import SerializedBatch, joined, messages_of
-from rpud_sim.bag.columns import Column, FieldReader, Kind, usable
+from rpud_sim.bag.columns import Column, FieldReader, Kind
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
@@ -24,7 +24,7 @@ from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
-from rpud_sim.viewer.history import GAP, History, Signal, is_foreign, namespace, usual
+from rpud_sim.viewer.history import History, Signal, gaps_of, is_foreign, namespace
 from rpud_sim.viewer.time_line import Rows, TimeLine
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
@@ -35,6 +35,7 @@ BINS = 2**17  # greatest number of bins of a signal
 MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 MOST_FAULTS = 10_000  # messages of faults that are read; further ones are counted
 
+GREATEST = 1e120  # size of a value: squares of greater ones overflow
 SAMPLED = 48  # chunks that are read before the page stands
 LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
 
@@ -42,8 +43,6 @@ _KEPT = 96  # chunks whose rows are kept
 _NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
-_LEAST_GAP = 0.1  # s
-_LEAST_STEPS = 10  # fewer messages have no usual distance
 _TOGETHER = 16  # chunks that are read together
 _SPARE = 1.02  # of the time, for what is later than the last log time
 
@@ -75,7 +74,7 @@ class TopicReader:
         values = {}
         for signal in self.signals:
             numbers = found.array(signal.column).astype(float)
-            values[signal.column] = np.where(usable(numbers), numbers, np.nan)
+            values[signal.column] = np.clip(numbers, -GREATEST, GREATEST)
         stamps = found.array("header.stamp") if self.stamped else logs
         return Rows(logs, published, stamps, values)
 
@@ -368,15 +367,7 @@ class Reading:
 
         Of an incomplete reading it returns nothing.
         """
-        used, width = self.bins.used(), self.bins.width
-        steps = np.diff(used)
-        if not self.complete or len(steps) < _LEAST_STEPS:
-            return []
-        longest = max(GAP * usual(steps), _LEAST_GAP / width)
-        return [
-            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
-            for place in np.flatnonzero(steps > longest)
-        ]
+        return gaps_of(self.bins.used(), self.bins.width) if self.complete else []
 
     def _add(self, numbers: Iterable[int], found: Mapping[str, Rows]) -> None:
         """Add the rows of chunks."""
