@@ -142,9 +142,9 @@ feed | feed | | mm | command | 1e-9 | any | band | Mount
 vibration_amplitude | vibration | | µm | plane | 1e-12 | | | Status ActuatorState.amplitude
 current | current | | A | power | 1e-9 | | | ActuatorState
 drive_voltage | voltage | | V | command | 1e-6 | | steps | Status ActuatorState.voltage
-drive_frequency | drive frequency || kHz | command | 1e-3 | any | steps | Status ActuatorState.frequency
+drive_frequency | drive frequency || kHz | command | 1e-3 |any|steps| Status ActuatorState.frequency
 resonance_frequency | resonance | | kHz | plane | 1e-3 | any | | Status ActuatorState
-temperature | stack temperature || °C | fault | 0 | any | | Status.actuator_temperature ActuatorState
+temperature | stack temperature || °C | fault | 0 |any|| Status.actuator_temperature ActuatorState
 packed_cuttings | packed cuttings | | mm³ | depth | 1e-13 | | | Borehole
 bit_wear | wear of the bit | | | tool | 1e-9 | | | Borehole
 lateness | latest block | | ms | other | 1e-6 | | | Timing.lateness_max

@@ -27,7 +27,7 @@ _ALONE = 4  # close changes that have entries of their own; further ones share t
 _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed", "mount")  # kinds whose value holds until the next one
-
+_LASTING_NAMES = [kind.replace("_", " ") for kind in _LASTING]
 _BEYOND = re.compile(r"[\w ]+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
 
@@ -97,11 +97,16 @@ class Commands:
         """Quantities of which there are steps."""
         return self._steps.keys()
 
-    def frame(self, faults: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
+    def frame(
+        self,
+        faults: Iterable[Mapping[str, Any]] = (),
+        lost: Iterable[tuple[float, float]] = (),
+    ) -> dict[str, Any]:
         """Return the fields ``log`` and ``log_thinned`` of a frame.
 
         ``faults`` are those of the frame. Their beginnings and ends take the place of what the
-        journal says of faults.
+        journal says of faults. One entry takes the place of what the drill did by itself while
+        commands were lost, from and until [s].
         """
         told = []
         for fault in faults:
@@ -111,6 +116,11 @@ class Commands:
             if fault.get("end") is not None:
                 told.append(LogEntry(float(fault["end"]), FAULT, f"{name} ends"))
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
+        for begin, end in lost:
+            own = [e for e in own if e.name not in _LASTING_NAMES or not begin <= e.time < end]
+            told.append(
+                LogEntry(begin, FAULT, "commands lost: drive and weight on bit fall to 0")
+            )
         entries = sorted([*own, *told], key=lambda entry: entry.time)
         return {
             "log": [entry.plain() for entry in entries],

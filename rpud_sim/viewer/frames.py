@@ -172,7 +172,7 @@ def measured(history: History, client: ClientState) -> dict[str, Any]:
     if due("faults", faults := history.faults):
         found["faults"] = faults
     if due("log", history.log_version, 0.5 * pace):
-        found |= history.commands.frame(faults)
+        found |= history.log()
     stepped = [name for name in history.commands.quantities if history.is_stepped(name)]
     if due("steps", (history.log_version, start if not pace else None, view, stepped), 0.5 * pace):
         # An entry of the journal may come before the messages of its time.

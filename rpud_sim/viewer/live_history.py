@@ -32,11 +32,12 @@ _ALWAYS = (  # quantities that each drill has, also before the first message or 
     *("peak_force", "impact_rate", "reacting_force"),
     *("nodal_plane", "free_mass", "drill_tool"),
 )
+_COUNTED = ("Status.impacts", "Status.commands_lost")  # beyond the table of quantities
 _REPORTS = ("power", "timing", "status")
 _TOPICS = {TOPICS[name].type.rpartition("/")[2]: name for name in (*FIELDS, *_REPORTS)}
 _SIGNALS = tuple(
     Signal(_TOPICS[kind], TOPICS[_TOPICS[kind]].type, field)
-    for source in ("Status.impacts", *(s for each in QUANTITIES.values() for s in each.sources))
+    for source in (*_COUNTED, *(s for each in QUANTITIES.values() for s in each.sources))
     for kind, _, field in (source.partition("."),)
     # Not what only older bags have.
     if field in message_class(TOPICS[_TOPICS[kind]].type).get_fields_and_field_types()

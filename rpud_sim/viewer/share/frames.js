@@ -6,7 +6,7 @@
  * @typedef {{t: Float64Array, v: Float32Array}} Steps
  * @typedef {ArrayLike<number>} Values
  * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, count?: Values, band?: string,
- *   outliers?: Steps & {more: number}}} Layer
+ *   outliers?: Steps & {more: number}, holes?: [number, number][], garbage?: {t: Values, count: number}}} Layer
  * @typedef {{start: number, end: number, detail: "overview" | "messages" | "waveform",
  *   band: string, layers: Record<string, Layer>}} View
  * @typedef {{quantity: string, label: string, kind: "band" | "line" | "steps", colour?: string}} PlotLayer
@@ -20,17 +20,17 @@
  *   free_mass: Float32Array, drill_tool: Float32Array, contact_force: Float32Array,
  *   impacts: [number, number, number][]}} Section
  * @typedef {{mean: number | null, least: number | null, greatest: number | null,
- *   spark: Float32Array | number[]}} NumberOf
+ *   spark: Float32Array | number[], lost?: boolean, garbage?: number}} NumberOf
  * @typedef {{number: number, name: string, asker: string,
  *   state: "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
- *   zero: boolean}} Quantity
+ *   zero: boolean, credible: number}} Quantity
  * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table
  * @typedef {{verdict?: string, requirements?: string[], seed?: number | string, test?: string,
  *   tables: Table[]}} Report
  * @typedef {{
  *   number: number, mode?: "live" | "recorded" | "frozen", quantities?: Quantity[],
- *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number, at?: number, silent?: number, moves?: boolean,
+ *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number, at?: number, silent?: number, stepping?: [] | [number, number], moves?: boolean, begin?: number,
  *   extent?: [number, number], read?: number,
  *   connection?: {state: "searching" | "connected" | "vanished", since: number, reason: string},
  *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,

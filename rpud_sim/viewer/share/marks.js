@@ -3,7 +3,8 @@
 import { LONG, clockText, colourOf, inWords, timeText } from "./quantities.js";
 
 /**
- * @typedef {Partial<import("./frames.js").Frame> & {mark?: number | null}} Seen what all frames of a run have said, and the second cursor
+ * @typedef {Partial<import("./frames.js").Frame> & {mark?: number | null, motion?: [number, number]}} Seen what all
+ *   frames of a run have said, the second cursor, and the time of the motion that is shown
  * @typedef {{start: number, end: number}} Range
  * @typedef {{zoom: (start: number, end: number) => void, look: (zoomed: Range | null) => void,
  *   point: (time: number | null) => void, click: (time: number) => void, move: (shift: number) => void,
@@ -115,8 +116,9 @@ export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) {
   return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width;
 }
 
-/** Shade faults and hatch gaps, below the data. @param {uPlot} plot @param {Seen} seen */
-export function drawSpans(plot, seen) {
+/** Shade faults and the motion, and hatch where messages are missing, below the data.
+ * @param {uPlot} plot @param {Seen} seen @param {[number, number][]} holes of the plot's own messages */
+export function drawSpans(plot, seen, holes = []) {
   const { ctx, bbox } = plot;
   const place = placesOf(plot);
   for (const fault of seen.faults ?? []) {
@@ -126,7 +128,11 @@ export function drawSpans(plot, seen) {
     ctx.fillStyle = colourOf("fault", 0.7);
     if (from > bbox.left && from < bbox.left + bbox.width) ctx.fillRect(from, bbox.top, uPlot.pxRatio, bbox.height);
   }
-  for (const [begin, end] of seen.gaps ?? []) {
+  if (seen.motion) {
+    ctx.fillStyle = colourOf("mass", 0.35);
+    ctx.fillRect(place(seen.motion[0]), bbox.top, Math.max(place(seen.motion[1]) - place(seen.motion[0]), 2 * uPlot.pxRatio), bbox.height);
+  }
+  for (const [begin, end] of [...(seen.gaps ?? []), ...holes]) {
     const [from, to] = [place(begin), place(end)];
     ctx.save();
     ctx.beginPath();
@@ -163,7 +169,7 @@ export function drawTimes({ ctx, bbox, scales: { x: { min = 0, max = 1 } } }, ti
 /** Write at the upper edge what began when, where there is room. @param {uPlot} plot @param {Seen} seen */
 export function drawWords(plot, seen) {
   const { ctx, bbox } = plot;
-  const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
+  const faults = (seen.faults ?? []).map((fault) => ({ time: fault.onset, text: faultText(fault), colour: "fault" }));
   const words = [...faults, ...commandsOf(seen).map(({ time, text, kind }) => ({ time, text, colour: kind === "failure" ? "fault" : "command" }))];
   ctx.save();
   ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
@@ -180,6 +186,9 @@ export function drawWords(plot, seen) {
   ctx.restore();
 }
 
+/** @param {import("./frames.js").Fault} fault @returns {string} kind and channel */
+const faultText = ({ kind, channel }) => inWords(channel ? `${kind} on ${channel}` : kind);
+
 /** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, resets and failures of a test; faults are shaded */
 export function commandsOf(seen) {
   return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0));
@@ -190,5 +199,5 @@ export function commandsOf(seen) {
 export function wordsAt(seen, time, span) {
   const near = commandsOf(seen).filter((each) => Math.abs(each.time - time) < 0.006 * span);
   const faults = (seen.faults ?? []).filter((each) => each.onset <= time && time <= (each.end ?? Infinity));
-  return [timeText(time, span), ...near.slice(-3).map((each) => each.text), ...faults.map((each) => inWords(each.kind))].join(" \u00b7 ");
+  return [timeText(time, span), ...near.slice(-3).map((each) => each.text), ...faults.map(faultText)].join(" \u00b7 ");
 }
