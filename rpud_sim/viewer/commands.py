@@ -118,9 +118,7 @@ class Commands:
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
         for begin, end in lost:
             own = [e for e in own if e.name not in _LASTING_NAMES or not begin <= e.time < end]
-            told.append(
-                LogEntry(begin, FAULT, "commands lost: drive and weight on bit fall to 0")
-            )
+            told.append(LogEntry(begin, FAULT, "commands lost: drive and weight on bit fall to 0"))
         entries = sorted([*own, *told], key=lambda entry: entry.time)
         return {
             "log": [entry.plain() for entry in entries],

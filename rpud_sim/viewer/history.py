@@ -129,7 +129,9 @@ class History:
         self.impacts = Impacts()
         self.commands = Commands()
         self.garbage: dict[str, deque[float]] = {}  # times of values by signal [s]
-        self._lost: dict[float, bool] = {}  # whether commands are lost, by the time of a status
+        self._commands_lost: dict[
+            float, bool
+        ] = {}  # whether commands are lost, by the time of a status
         self._faults: dict[tuple[int, int], dict[str, Any]] = {}  # by run and number
         self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages that are none of a drill
 
@@ -147,7 +149,7 @@ class History:
                 for bins in self.bins:
                     bins.add(name, times, values)
         for time, lost in zip(times, batch.fields.get("commands_lost", ()), strict=False):
-            self._lost[float(time)] = bool(lost)
+            self._commands_lost[float(time)] = bool(lost)
         peaks = batch.fields.get("peak_force")
         if batch.topic == self.struck and peaks is not None:  # another type may have the name
             valid = np.isfinite(peaks) & (times >= 0.0)
@@ -184,7 +186,7 @@ class History:
         """Return the fields of a frame that tell what was commanded."""
         spans: list[tuple[float, float]] = []
         lost = False
-        for time, now in sorted(self._lost.items()):
+        for time, now in sorted(self._commands_lost.items()):
             if now and not lost:
                 spans.append((time, math.inf))
             elif lost and not now:

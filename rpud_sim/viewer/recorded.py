@@ -274,7 +274,7 @@ class RecordedStore(Store):
             "now": now,
             "extent": [0.0, now],
             "read": self.reading.share,
-            "moves": not history.is_drill or bool(history.waveforms),
+            "moves": bool(history.waveforms),
             "notice": self._notice(history),
             "timing": timing,
             "losses": losses,

@@ -156,6 +156,7 @@ class RecordedBag:
             drill: [number for number, clocks in enumerate(held) if drill in clocks]
             for drill in set(self._clocks.values())
         }
+        self._usual_ends: dict[str, float] = {}  # of namespaces without a drill [s]
         self.span = lru_cache(None)(self._span)
         # None of a namespace without stamps, where log times count.
         self.time_lines = {drill: self._time_line(drill) for drill in self._held}
@@ -180,7 +181,8 @@ class RecordedBag:
         """
         if self.is_drill(drill := self.clock(topic)) and topic in self._timed[drill]:
             return np.ones(len(times), bool)
-        return (times >= -LATE * SECOND) & (times <= (self.end + LATE) * SECOND)
+        end = self.end if self.is_drill(drill) else self._usual_end(drill)
+        return (times >= -LATE * SECOND) & (times <= (end + LATE) * SECOND)
 
     def topic(self, drill: str, kind: str) -> str:
         """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
@@ -282,6 +284,16 @@ class RecordedBag:
         spans = (self.span(drill, number) for number in reversed(self._held[drill]))
         return next((span[1] for span in spans if span), 0.0)
 
+    def _usual_end(self, drill: str) -> float:
+        """Return how long a namespace without a drill lasts [s]: one wrong stamp says nothing."""
+        if drill not in self._usual_ends:
+            numbers = self._held[drill][-_TOGETHER:]
+            found = [self.times(n, rows) for i in numbers for n, rows in self._timed_rows(drill, i)]
+            times = np.sort(np.concatenate(found)) if found else np.empty(0)
+            low, high = np.quantile(times, (0.05, 0.95)) if len(times) else (0.0, 0.0)
+            self._usual_ends[drill] = float(high + (high - low)) / SECOND
+        return self._usual_ends[drill]
+
     def _time_line(self, drill: str) -> TimeLine | None:
         for number in self._held[drill][:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
@@ -376,7 +388,8 @@ class Reading:
             if len(rows.stamps):
                 times = recording.times(topic, rows)
                 fits = recording.fits(topic, times)
-                self.outside[topic] += len(fits) - int(fits.sum())
+                early = _is_own(recording.readers[topic]) & (times < 0)  # latched before the bag
+                self.outside[topic] += int((~fits & ~early).sum())
                 times, values = times[fits], {k: v[fits] for k, v in rows.values.items()}
                 latest = float(times.max(initial=0)) / SECOND
                 self._seen = min(max(self._seen, latest), recording.end)
@@ -391,6 +404,7 @@ class Reading:
     def _end_of(self, found: Mapping[str, Rows]) -> float:
         """Return the greatest time of some rows [s]; 0 without any."""
         times = [self._recording.times(topic, rows) for topic, rows in found.items()]
+        times = [t[self._recording.fits(n, t)] for n, t in zip(found, times, strict=True)]
         latest = max((float(each.max()) / SECOND for each in times if len(each)), default=0.0)
         return min(latest, self._recording.end)
 

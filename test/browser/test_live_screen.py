@@ -150,7 +150,7 @@ def test_each_control_does_what_it_says(live, client):
     pressed_is(live, "Off")
     click(live, "Retract")
     until_status(client, regime="free")
-    text_is(live, "#doing", "drive off")
+    text_is(live, "#doing", "off")
     pressed_is(live, "Retract")
     click(live, "Engage")
     until_status(client, regime="drilling")
