@@ -131,7 +131,7 @@ electrical_power | electrical power | | W | power | 1e-6 | | | ActuatorState Sta
 actuator_power | power of the vibration | | W | power | 1e-6 | | | Power
 absorbed_power | power into tool and rock | | W | depth | 1e-6 | | | Power
 power | power | | W | power | 1e-6 | | |
-depth | depth | | mm | depth | 1e-9 | | | Borehole Status
+depth | depth | | mm | depth | 1e-9 | any | | Borehole Status
 penetration_rate | penetration rate | | mm/min | depth | 1e-10 | | | Borehole Status
 torque | torque of rock and cuttings | | mN m | torque | 1e-9 | | band | Rotation
 drive_torque | torque of the drive | | mN m | power | 1e-9 | | band | Rotation

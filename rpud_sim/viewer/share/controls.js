@@ -25,9 +25,7 @@ export class Controls {
     for (const field of elements(".control.live input, .control.live select")) field.oninput = () => this.edited(field);
     for (const field of [this.weight, this.rate]) {
       field.onblur = () => this.drawState();
-      field.onkeydown = ({ key }) => {
-        if (key === "Escape") (this.written[field.id] = field.value), field.blur();
-      };
+      field.onkeydown = ({ key }) => { if (key === "Escape") (this.written[field.id] = field.value), field.blur(); };
     }
     for (const button of elements("[data-nudge]")) {
       const field = /** @type {HTMLInputElement} */ (elements("input", button.parentElement ?? document)[0]);
@@ -88,9 +86,7 @@ export class Controls {
   }
 
   /** @param {HTMLElement | null} control @param {string} text @param {string} [state] */
-  write(control, text, state = text) {
-    for (const outcome of control ? elements(".outcome", control) : []) [outcome.textContent, outcome.dataset.state] = [text, state];
-  }
+  write(control, text, state = text) { for (const outcome of control ? elements(".outcome", control) : []) [outcome.textContent, outcome.dataset.state] = [text, state]; }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame what is new */
   draw(seen, frame) {
@@ -140,10 +136,9 @@ export class Controls {
     const differs = field.value !== "" && Number(field.value) !== Number(text), control = field.closest("[data-of]");
     if (!differs && field.value) this.written[field.id] = field.value;
     field.classList.toggle("pending", differs);
-    if (!(control instanceof HTMLElement)) return;
-    const [{ textContent, dataset }] = elements(".outcome", control);
-    if (differs && !textContent) this.write(control, "not applied yet", "edited");
-    else if (!differs && dataset.state === "edited") this.write(control, "");
+    const [outcome] = control instanceof HTMLElement ? elements(".outcome", control) : [];
+    if (differs ? outcome?.textContent : outcome?.dataset.state !== "edited") return;
+    this.write(outcome.parentElement, differs ? "not applied yet" : "", differs ? "edited" : "");
   }
 
   /** @param {import("./frames.js").Outcome[]} outcomes */

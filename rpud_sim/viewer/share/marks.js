@@ -29,14 +29,10 @@ export function axisOf(options) {
 }
 
 /** @param {HTMLElement} host of a plot */
-export function sizeOf(host) {
-  return { width: host.clientWidth || 300, height: host.clientHeight || 120 };
-}
+export function sizeOf(host) { return { width: host.clientWidth || 300, height: host.clientHeight || 120 }; }
 
 /** Let a plot fill its host, whose size may change. @param {uPlot} plot @param {HTMLElement} host @param {() => void} [then] */
-export function keepSize(plot, host, then) {
-  new ResizeObserver(() => (plot.setSize(sizeOf(host)), then?.())).observe(host);
-}
+export function keepSize(plot, host, then) { new ResizeObserver(() => (plot.setSize(sizeOf(host)), then?.())).observe(host); }
 
 /** @param {(number | null)[]} values of an axis, null for none @param {number} step between them @returns {string[]} */
 function tickTexts(values, step) {
@@ -112,9 +108,7 @@ export function sharedCursor(listener) {
 }
 
 /** Return places of times in a plot, at most at its edges [px of the canvas]. @param {uPlot} plot @returns {(time: number) => number} */
-export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) {
-  return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width;
-}
+export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) { return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width; }
 
 /** Shade faults and the motion, and hatch where messages are missing, below the data.
  * @param {uPlot} plot @param {Seen} seen @param {[number, number][]} holes of the plot's own messages */
@@ -190,9 +184,7 @@ export function drawWords(plot, seen) {
 const faultText = ({ kind, channel }) => inWords(channel ? `${kind} on ${channel}` : kind);
 
 /** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, resets and failures of a test; faults are shaded */
-export function commandsOf(seen) {
-  return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0));
-}
+export function commandsOf(seen) { return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0)); }
 
 /** Return a time in words, with the commands and faults there.
  * @param {Seen} seen @param {number} time @param {number} span of the view [s] */

@@ -14,9 +14,7 @@ export class Numbers {
     this.tiles = NAMES.map((name) => {
       const [label, value, unit, ends] = [make("dt"), make("output", { ariaLive: "off" }), make("small"), make("small", { className: "ends" })];
       const spark = document.createElementNS(SVG, "svg");
-      spark.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
-      spark.setAttribute("preserveAspectRatio", "none");
-      spark.setAttribute("aria-hidden", "true");
+      for (const [each, given] of [["viewBox", `0 0 ${WIDTH} ${HEIGHT}`], ["preserveAspectRatio", "none"], ["aria-hidden", "true"]]) spark.setAttribute(each, given);
       const line = spark.appendChild(document.createElementNS(SVG, "path"));
       value.dataset.number = name;
       const tile = make("div", { hidden: true }, label, make("dd", {}, value, unit, spark, ends));

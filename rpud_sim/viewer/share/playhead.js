@@ -46,9 +46,7 @@ export class Playhead {
   }
 
   /** Go to an impact. @param {"next" | "previous"} which */
-  jump(which) {
-    this.send({ seek: which, from: this.time });
-  }
+  jump(which) { this.send({ seek: which, from: this.time }); }
 
   toggle() {
     this.playing = this.playing ? 0 : performance.now();

@@ -86,9 +86,7 @@ export class TimePlot {
   }
 
   /** Layers that the reader has not hidden. */
-  get shownLayers() {
-    return this.choice.layers.filter(({ quantity }) => !this.hidden.has(quantity));
-  }
+  get shownLayers() { return this.choice.layers.filter(({ quantity }) => !this.hidden.has(quantity)); }
 
   /** Hide a quantity, or show it again. @param {string} quantity */
   hide(quantity) {
@@ -97,9 +95,7 @@ export class TimePlot {
   }
 
   /** @param {PlotLayer} layer */
-  colour(layer) {
-    return layer.colour || quantityOf(layer.quantity).colour;
-  }
+  colour(layer) { return layer.colour || quantityOf(layer.quantity).colour; }
 
   /** @returns {uPlot.Options} */
   options() {
@@ -296,14 +292,10 @@ export class PlotColumn {
   }
 
   /** Width of the area of data [px]. */
-  get width() {
-    return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END);
-  }
+  get width() { return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END); }
 
   /** Plots that are seen. */
-  get shown() {
-    return this.plots.filter(({ figure }) => !figure.hidden);
-  }
+  get shown() { return this.plots.filter(({ figure }) => !figure.hidden); }
 
   /** @param {Seen} seen @param {Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {

@@ -10,15 +10,11 @@ const BEYOND = 5; // times as far as usual: only values beyond are clipped
 const table = new Map();
 
 /** @param {import("./frames.js").Quantity[]} list */
-export function setQuantities(list) {
-  for (const quantity of list) table.set(quantity.name, quantity);
-}
+export function setQuantities(list) { for (const quantity of list) table.set(quantity.name, quantity); }
 
 /** Return a quantity of the table, or one without a unit for the signal of another program.
  * @param {string} name @returns {import("./frames.js").Quantity} */
-export function quantityOf(name) {
-  return table.get(name) ?? { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false, credible: 1e100 };
-}
+export function quantityOf(name) { return table.get(name) ?? { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false, credible: 1e100 }; }
 
 /** Return a number with three significant digits, and with all of them before the point.
  * @param {number} value @param {boolean} keep zeros at the end, so that a number that changes keeps its length */
@@ -64,9 +60,7 @@ export function clockText(time, places = 0) {
 }
 
 /** Return words of an identifier, such as a kind of fault. @param {string} name */
-export function inWords(name) {
-  return name.replaceAll("_", " ");
-}
+export function inWords(name) { return name.replaceAll("_", " "); }
 
 /** Return the least round number that is not below a value.
  * @param {number} value @param {number[]} digits that are round, in the order of their sizes */

@@ -74,9 +74,7 @@ class Screen {
 
   /** Say what the drill does, or that data stop: also where nothing is drawn, as in a hidden tab. */
   watch() {
-    const stale = this.lost && this.lost !== "searching";
-    if (stale) document.documentElement.dataset.stale = "true";
-    else delete document.documentElement.dataset.stale;
+    document.documentElement.dataset.stale = String(Boolean(this.lost && this.lost !== "searching"));
     this.controls.lose(this.lost);
     const { seen } = this, [word, why, tone] = stateOf(seen, this.lost), texts = { doing: word, why };
     for (const [id, text] of Object.entries(texts)) if (element(id).textContent !== text) element(id).textContent = text;
@@ -88,19 +86,13 @@ class Screen {
   }
 
   /** Whether the screen shows a recording, which has a playhead. */
-  get past() {
-    return this.seen.mode !== undefined && this.seen.mode !== "live";
-  }
+  get past() { return this.seen.mode !== undefined && this.seen.mode !== "live"; }
 
   /** @returns {[number, number]} times of the whole run */
-  get extent() {
-    return this.seen.extent ?? [0, 1];
-  }
+  get extent() { return this.seen.extent ?? [0, 1]; }
 
   /** Whether the view is the newest part of a live drill. */
-  get follows() {
-    return !this.zoomed && !this.past && this.follow < Infinity;
-  }
+  get follows() { return !this.zoomed && !this.past && this.follow < Infinity; }
 
   /** @returns {import("./marks.js").Range} time in view */
   get range() {
@@ -109,9 +101,7 @@ class Screen {
   }
 
   /** Length of the time in view [s]. */
-  get span() {
-    return this.range.end - this.range.start;
-  }
+  get span() { return this.range.end - this.range.start; }
 
   // --- Frames ---
 
@@ -133,8 +123,7 @@ class Screen {
     this.heard = performance.now();
     if (frame.now !== undefined || this.seen.status?.state !== "running") this.fresh = this.heard;
     const draw = () => (this.draw(frame), this.source.send({ ack: frame.number }));
-    if (document.hidden) draw(); // without pictures its title still says what the drill does
-    else requestAnimationFrame(draw);
+    document.hidden ? draw() : requestAnimationFrame(draw); // a hidden tab has no pictures, but a title
   }
 
   /** @param {import("./frames.js").Frame} frame */
@@ -286,14 +275,10 @@ class Screen {
   }
 
   /** @param {number} shift [s] */
-  move(shift) {
-    this.zoom(this.range.start + shift, this.range.end + shift);
-  }
+  move(shift) { this.zoom(this.range.start + shift, this.range.end + shift); }
 
   /** @param {number} time that was clicked at [s] */
-  click(time) {
-    if (this.past) this.playhead.seek(time);
-  }
+  click(time) { if (this.past) this.playhead.seek(time); }
 
   /** Set a second cursor, or remove it where it is. @param {number} time [s] */
   mark(time) {
@@ -348,17 +333,13 @@ class Screen {
     drills.onchange = () => (location.search = String(new URLSearchParams({ namespace: drills.value })));
     /** @type {Record<string, () => void>} */
     const keys = {
-      ArrowLeft: () => this.move(-0.25 * this.span),
-      ArrowRight: () => this.move(0.25 * this.span),
-      "+": () => this.scale(1 / ZOOM),
-      "-": () => this.scale(ZOOM),
+      ArrowLeft: () => this.move(-0.25 * this.span), ArrowRight: () => this.move(0.25 * this.span),
+      "+": () => this.scale(1 / ZOOM), "-": () => this.scale(ZOOM),
       Home: () => this.look(null),
-      n: () => this.playhead.jump("next"),
-      p: () => this.playhead.jump("previous"),
+      n: () => this.playhead.jump("next"), p: () => this.playhead.jump("previous"),
       " ": () => this.playhead.toggle(),
       m: () => this.mark(Number.isFinite(this.pointed) ? this.pointed : this.past ? this.playhead.time : this.seen.now ?? 0),
-      ",": () => this.step(-0.01),
-      ".": () => this.step(0.01),
+      ",": () => this.step(-0.01), ".": () => this.step(0.01),
       "?": () => element("keys").showPopover(),
     };
     document.addEventListener("keydown", (event) => {
