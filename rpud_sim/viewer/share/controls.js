@@ -174,15 +174,16 @@ export class Controls {
     magnitude.placeholder = numberText(size[1]);
   }
 
-  /** A row for each fault that is active. */
+  /** A row for each fault that is active, and for lost commands. */
   drawAlarms() {
-    const { at, now = 0 } = this.seen, active = activeFaults(this.seen);
+    const { at, now = 0, status, log = [] } = this.seen, active = activeFaults(this.seen), lost = log.findLast(({ text }) => text.startsWith("commands lost"));
+    if (status?.commands_lost) active.push({ number: 0, kind: "commands lost", channel: "", magnitude: 0, size: "", onset: lost?.time ?? now, end: null, active: true });
     const names = active.map(({ number, onset }) => `${number} ${onset}`);
     for (const [name, row] of this.alarms) if (!names.includes(name)) row.remove(), this.alarms.delete(name);
     active.forEach(({ number, kind, channel, size, onset }, place) => {
       let row = this.alarms.get(names[place]);
       if (!row) {
-        const clear = make("button", { type: "button", className: "live", textContent: "Clear", ariaLabel: `clear fault ${number}` });
+        const clear = make("button", { type: "button", className: "live", textContent: "Clear", ariaLabel: `clear fault ${number}`, hidden: !number });
         clear.dataset.act = "clear";
         clear.onclick = () => this.act(clear, { which: number });
         const words = [make("b", { textContent: inWords(kind) }), channel && `on ${inWords(channel)}`];

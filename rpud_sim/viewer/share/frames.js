@@ -1,8 +1,7 @@
 // @ts-check
 /* Frames: what the page shows next, as a header in JSON and arrays in binary. */
 
-/**
- * Times are seconds of the run, values are in SI units; a field that is absent is as it was.
+/** Times are seconds of the run, values are in SI units; a field that is absent is as it was.
  * @typedef {{t: Float64Array, v: Float32Array}} Steps
  * @typedef {ArrayLike<number>} Values
  * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, count?: Values, band?: string,
@@ -21,8 +20,7 @@
  * @typedef {{mean: number | null, least: number | null, greatest: number | null, spark: Float32Array | number[], lost?: boolean, garbage?: number}} NumberOf
  * @typedef {{number: number, name: string, asker: string, state: "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number, zero: boolean, credible: number}} Quantity
- * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table
- * @typedef {{verdict?: string, requirements?: string[], seed?: number | string, test?: string, tables: Table[]}} Report
+ * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table @typedef {{verdict?: string, requirements?: string[], seed?: number | string, test?: string, tables: Table[]}} Report
  * @typedef {{
  *   number: number, mode?: "live" | "recorded" | "frozen", quantities?: Quantity[],
  *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number, at?: number, silent?: number, stepping?: [] | [number, number], moves?: boolean, begin?: number,
