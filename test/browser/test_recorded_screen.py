@@ -239,7 +239,7 @@ def test_axes_and_factors_say_what_they_are(recorded):
     text_has(page, "#section [data-part=step]", r"^indentation \d+ \u00b5m$")
     text_has(page, "#section [data-part=drawn]", r"^drawn \d+\u00d7$")
     put_playhead(page, 3)
-    text_has(page, "#numbers", "[\\d.]+ to [\\d.]+\nmin\u2013max, last 1 s")
+    text_has(page, "#numbers", "[\\d.]+ to [\\d.]+\nmin\u2013max, 1 s")
     until_screen(page, f"{axis}._values.includes('2 s')")
     of_screen(page, "screen.zoom(2, 2.02)")
     until_screen(page, f"{axis}._values.some((each) => each.endsWith('+5 ms'))")

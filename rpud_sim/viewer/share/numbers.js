@@ -26,8 +26,7 @@ export class Numbers {
   /** @param {Record<string, import("./frames.js").NumberOf | null>} numbers @param {import("./section.js").Hole | null} [hole] */
   draw(numbers, hole) {
     for (const { name, tile, label, value, unit, ends, line } of this.tiles) {
-      const shown = numbers[name];
-      const quantity = quantityOf(name);
+      const shown = numbers[name], quantity = quantityOf(name);
       tile.hidden = !shown;
       tile.style.setProperty("--of", `var(--${quantity.colour})`);
       label.textContent = quantity.label;
@@ -37,9 +36,10 @@ export class Numbers {
       value.classList.toggle("long", value.textContent.length > 7);
       value.dataset.exact = String(shown?.mean);
       tile.dataset.old = String(!known);
-      const [least, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
+      const [finest, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false)), places = greatest.split(".")[1]?.length;
+      const least = finest.length > greatest.length && Number(finest) ? String(Number(Number(finest).toFixed(places))) : finest; // no more places than the greatest
       const faults = [lost && "messages lost", garbage && `${garbage} garbage`].filter(Boolean).join(", ");
-      const span = !known || least === greatest ? "last 1 s" : `${least} to ${greatest}\nmin\u2013max, last 1 s`;
+      const span = !known || least === greatest ? "last 1 s" : `${least} to ${greatest}\nmin\u2013max, 1 s`;
       ends.textContent = faults || (name === "depth" && placeIn(hole, shown?.mean)) || span;
       line.setAttribute("d", sparkPath(shown?.spark ?? [], quantity.credible));
     }
