@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -27,6 +28,7 @@ _BINS = 1 << 14
 _GREATEST = 2**61  # size of a time with which all calculations fit int64 [ns]
 _JOINING = 0.2  # after the first message, in which other topics may not have arrived yet [s]
 _LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
+_SILENCE = 2.0  # of a topic in which others go on: its messages are missing [s]
 _MOST_SAMPLES = 1200  # of a section
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
     *("peak_force", "impact_rate", "reacting_force"),
@@ -152,8 +154,13 @@ class LiveHistory(History):
         return fast | {name: self.reports[name] for name in self.reports if name != "status"}
 
     def holes(self, signal: Signal) -> list[tuple[float, float]]:
-        counted = super().holes(signal) if signal.topic == self.struck else []
-        return sorted([*self._holes.get(signal.topic, ()), *counted])
+        found = [*self._holes.get(signal.topic, ())]
+        now, until = self.time or 0.0, self._until.get(signal.topic, math.inf)
+        if signal.topic == self.struck:  # no impact is no loss
+            found += super().holes(signal)
+        elif until < now - _SILENCE:
+            found.append((until, now))
+        return sorted(found)
 
     def has(self, quantity: str) -> bool:
         return quantity in _ALWAYS or super().has(quantity)

@@ -134,7 +134,7 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
 def test_playhead_picks_section_numbers_and_hole_there(frozen):
     page = frozen()
     assert of_screen(page, "screen.playhead.time") == 5.02  # where its numbers are
-    text_is(page, "#time", "00:00:05.0")
+    text_is(page, "#time", "5.0\N{NO-BREAK SPACE}s")
     of_screen(page, "screen.playhead.seek(40)")
     until_screen(page, "screen.clock.block.time === 35")
     until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests

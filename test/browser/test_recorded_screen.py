@@ -68,6 +68,7 @@ def test_the_playhead_begins_at_the_start(recorded, drilled):
     until_screen(page, "screen.clock.block.time < 0.01")  # the first motion, and not the last
     page.tab.keyboard.press("n")
     text_has(page, "#found", "^impact at 0.0")
+    text_has(page, "#in-force", r"weight on bit 8.N . drive 100.V, 16.kHz . in the rock")
 
 
 def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):

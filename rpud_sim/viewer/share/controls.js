@@ -102,14 +102,15 @@ export class Controls {
 
   drawState() {
     const { status = {}, faults = [], numbers = {}, values = {}, timing = {} } = this.seen;
-    const stands = status.state === "paused" || status.state === "stopped", known = Boolean(status.state);
+    const stands = ["paused", "stopped"].includes(status.state), known = Boolean(status.state);
     const pressed = { plays: !stands, pauses: stands, on: status.drive_enabled, off: !status.drive_enabled,
       engages: status.regime !== "free", retracts: status.regime === "free" };
     for (const [id, is] of Object.entries(pressed)) element(id).ariaPressed = String(known && Boolean(is));
     const { feed_rate: rate, feed_position: place } = status, feeds = [rate, place].some(Number.isFinite); // with an arm the weight on bit follows from the feed
     [element("press").hidden, element("feed").hidden] = [feeds || Number.isFinite(status.mount_position), !feeds]; // or from the mount
     /** @type {Record<string, string>} */
-    const texts = {
+    const texts = { // a recording has no controls, but what was in force
+      "in-force": known ? `weight on bit ${valueText("weight_on_bit", status.weight_on_bit)} \u00b7 drive ${status.drive_enabled ? `${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}` : "off"} \u00b7 ${inContact(this.seen) ? "" : "not "}in the rock` : "",
       stands: stands ? "stands" : known ? "runs" : "",
       "weight-set": `set ${valueText("weight_on_bit", status.weight_on_bit)}`,
       "weight-actual": `reacting ${valueText("reacting_force", numbers.reacting_force?.mean)}`,
@@ -184,16 +185,14 @@ export class Controls {
       let row = this.alarms.get(names[place]);
       if (!row) {
         const clear = make("button", { type: "button", className: "live", textContent: "Clear", ariaLabel: `clear fault ${number}`, hidden: !number });
-        clear.dataset.act = "clear";
-        clear.onclick = () => this.act(clear, { which: number });
+        clear.dataset.act = "clear", clear.onclick = () => this.act(clear, { which: number });
         const words = [make("b", { textContent: inWords(kind) }), channel && `on ${inWords(channel)}`];
         row = make("li", {}, make("span", {}, ...words.flatMap((each) => (each ? [each, " "] : []))),
           make("span", { textContent: size ? `magnitude ${size}` : "" }), make("span", { ariaHidden: "true" }), clear);
         this.alarms.set(names[place], row);
         element("alarms").append(row);
       }
-      const age = `for ${Math.max(0, Math.floor((at ?? now) - onset))} s, since ${onset.toFixed(2)} s`;
-      const told = row.children[2];
+      const age = `for ${Math.max(0, Math.floor((at ?? now) - onset))} s, since ${onset.toFixed(2)} s`, told = row.children[2];
       if (told.textContent !== age) told.textContent = age;
     });
   }

@@ -44,7 +44,7 @@ function tickTexts(values, step) {
 
 /** @param {number[]} times of an axis [s] @param {number} step between them @returns {string[]} with their units */
 function timeTexts(times, step) {
-  if (step >= 1 && times[times.length - 1] >= LONG_RUN) return times.map((time) => clockText(time));
+  if (step >= 1 && times[times.length - 1] >= LONG_RUN) return times.map((time) => clockText(time, 0, true));
   if (step >= 0.01) return tickTexts(times, step).map((text) => `${text} s`);
   const whole = Math.floor(times[0] ?? 0), texts = tickTexts(times.map((time) => 1e3 * (time - whole)), 1e3 * step);
   return texts.map((text, place) => (whole ? `${place ? "" : `${whole} s `}+${text} ms` : `${text} ms`));

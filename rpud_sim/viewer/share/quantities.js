@@ -52,11 +52,12 @@ export function timeText(time, span) {
   return `${time.toFixed(places)}\u00a0s`;
 }
 
-/** Return a time of the run as hours, minutes and seconds. @param {number} time [s] @param {number} places of the seconds */
-export function clockText(time, places = 0) {
+/** Return a time of the run: in seconds, from ten minutes on as hours, minutes and seconds, as axes have it.
+ * @param {number} time [s] @param {number} places of the seconds */
+export function clockText(time, places = 0, long = time >= 600) {
+  if (!long) return `${time.toFixed(places)}\u00a0s`;
   const whole = Math.floor(time + 1e-9), two = (/** @type {number} */ value) => String(Math.floor(value)).padStart(2, "0");
-  const rest = places ? Math.max(time - whole, 0).toFixed(places).slice(1) : "";
-  return `${two(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}${rest}`;
+  return `${two(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}${places ? Math.max(time - whole, 0).toFixed(places).slice(1) : ""}`;
 }
 
 /** Return words of an identifier, such as a kind of fault. @param {string} name */

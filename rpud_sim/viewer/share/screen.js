@@ -189,7 +189,7 @@ class Screen {
     const { seen, range, span, clock: { block, end } } = this;
     const playhead = this.past ? this.playhead.time : null;
     seen.motion = block ? [block.time, block.time + end] : undefined;
-    const live = seen.status?.state === "running" ? 0 : 3; // of a drill that stands, single steps are seen
+    const live = seen.status?.state === "running" ? 1 : 3; // of a drill that stands, single steps are seen
     element("time").textContent = clockText(playhead ?? seen.now ?? 0, this.past ? Math.min(9, Math.max(1, 2 - Math.floor(Math.log10(span)))) : live);
     element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
     for (const part of [this.plots, this.timeline]) part.draw(seen, range, playhead);
