@@ -383,8 +383,8 @@ class History:
                 last = view(signal.name, begin, now, _FINEST)
                 if not np.isfinite(last["mean"]).any():  # a status is as old as a second
                     last = view(signal.name, begin - 1.0, now, _FINEST)
-                found[number] = _number(last["low"], last["mean"], last["high"], means)
-                found[number] |= self._faulty(signal, begin, now)
+                shown = _number(last["low"], last["mean"], last["high"], means)
+                found[number] = shown | self._faulty(signal, begin, now)
         return found
 
     def _faulty(self, signal: Signal, begin: float, now: float) -> dict[str, Any]:

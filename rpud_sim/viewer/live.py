@@ -175,10 +175,10 @@ class LiveDrill:
     def stepping(self) -> list[float]:
         """Passed time and length of the step that is under way [s]; empty without one."""
         seconds, now = self.actions.given.get("seconds"), self._history.time or 0.0
-        if self.actions.running != "step":
+        if self.actions.running != "step" or not isinstance(seconds, int | float):
             self._stepped_from = now
-        known = self.actions.running == "step" and isinstance(seconds, int | float)
-        return [round(now - self._stepped_from, 1), float(seconds)] if known else []
+            return []
+        return [round(now - self._stepped_from, 1), float(seconds)]
 
     @property
     def gone(self) -> bool:

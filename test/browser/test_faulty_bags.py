@@ -103,7 +103,8 @@ def test_first_messages_of_a_drill_are_no_complaint(tmp_path, opened):
             offer = QosProfile(durability="transient_local" if kind == FAULTS else "volatile")
             topic = Topic(f"/rpud/{name}", kind, find_type_hash(kind), (offer,))
             bag.add_topic(topic, find_definition(kind))
-        bag.write("/rpud/faults", codec.encode({"header": header(5 * SECOND), "faults": [], "forgotten": 0}), 0, 0)
+        none = {"header": header(5 * SECOND), "faults": [], "forgotten": 0}
+        bag.write("/rpud/faults", codec.encode(none), 0, 0)
         for log, stamp, value in rows_of(300, stamp=100 * SECOND):
             fields = {"header": header(stamp), "force": value, "impacts": 0}
             bag.write("/rpud/reacting_force", force.encode(fields), log, log)
