@@ -131,6 +131,7 @@ JAM |= {"active": True, "size": ""}
     ("status", "others", "word", "why"),
     [
         ({"penetration_rate": 2e-5}, {}, "drilling", r"^1\.2.mm/min$"),
+        ({"penetration_rate": None}, {}, "drilling", "^$"),  # it has no rock
         ({"penetration_rate": 0.0}, {}, "no progress", r"^0.mm/min$"),
         ({"penetration_rate": 0.0}, {"values": {"mount": {"in_contact": False}}}, "no contact", ""),
         ({"penetration_rate": 0.0}, {"faults": [JAM]}, "jammed", "free mass jammed since 29"),

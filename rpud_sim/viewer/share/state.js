@@ -12,7 +12,7 @@ export function activeFaults({ faults = [], at = Infinity }) { return faults.fil
 /** Return whether the bit is in the rock: an arm measures it, else the regime says it. @param {Seen} seen */
 export function inContact({ status = {}, values = {} }) {
   const touches = values.mount?.in_contact; // of a bag, a mean of some samples
-  return touches === undefined ? status.regime !== "free" : touches >= 0.5;
+  return (touches ?? null) === null ? status.regime !== "free" : touches >= 0.5;
 }
 
 /** Return word, reason and tone. @param {Seen} seen @param {string} lost why nothing is known of the drill now
@@ -30,6 +30,6 @@ export function stateOf(seen, lost) {
   if (status.drive_enabled === false) return ["off", "the drive is off", ""];
   if (lacks.length) return ["messages lost", lacks.join(", "), "warning"];
   if (!inContact(seen)) return ["no contact", "the bit is not in the rock", "warning"];
-  if (rate < STILL) return ["no progress", numbers.impact_rate?.mean === 0 ? "no impacts" : valueText("penetration_rate", rate), "warning"];
+  if (Number.isFinite(rate) && rate < STILL) return ["no progress", numbers.impact_rate?.mean === 0 ? "no impacts" : valueText("penetration_rate", rate), "warning"];
   return ["drilling", Number.isFinite(rate) ? valueText("penetration_rate", rate) : "", "good"];
 }
