@@ -279,6 +279,8 @@ def test_lost_messages_are_holes_of_their_topic(history):
     signal = history.signal("reacting_force")
     assert history.holes(signal) == [(1.0, 3.0)]
     assert history.numbers(3.0)["reacting_force"]["lost"]
+    layer = history.view(0.0, 3.0, 100, {"reacting_force": "band"})["layers"]["reacting_force"]
+    assert layer["holes"] == [(1.0, 3.0)]
     impact(history, 3 * SECOND, 100.0)
     assert history.holes(history.signal("peak_force")) == []
 
