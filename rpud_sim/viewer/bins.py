@@ -13,10 +13,13 @@ Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``
 
 MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
 MOST_OUTLIERS = 200  # of one answer
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 
 CREDIBLE = QUANTITIES["peak_force"].credible  # greatest size of a peak force [N]
 
 _FIRST_LENGTH = 1 << 14
+_LEAST_GAP = 0.1  # s
+_LEAST_STEPS = 10  # fewer messages have no usual distance
 _ENDS = (0.05, 0.95)  # quantiles of the band
 # What a bin has: least and greatest value, sum and number of values; how two are merged, and none.
 _MERGES = ((np.minimum, np.inf), (np.maximum, -np.inf), (np.add, 0.0), (np.add, 0))
@@ -246,3 +249,32 @@ def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Layer:
     both = np.column_stack([places[rows, parts.argmin(1)], places[rows, parts.argmax(1)]])
     kept = np.unique(np.concatenate([[0], both.ravel(), [len(times) - 1]]))
     return {"t": times[kept], "mean": values[kept]}
+
+
+def with_gaps(layer: Layer) -> Layer:
+    """Return a layer without its NaN, and with NaN between points that are far apart."""
+    valid = np.isfinite(layer["mean"])
+    layer = {name: values[valid] for name, values in layer.items()}
+    times = layer["t"]
+    steps = np.diff(times)
+    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
+    middles = 0.5 * (times[places - 1] + times[places])
+    return {
+        name: np.insert(values, places, middles if name == "t" else np.nan)
+        for name, values in layer.items()
+    }
+
+
+def gaps_of(used: np.ndarray, width: float) -> list[tuple[float, float]]:
+    """Return gaps between used bins that are much longer than usual, from and to [s]."""
+    steps = np.diff(used)
+    if len(steps) < _LEAST_STEPS:
+        return []
+    longest = max(GAP * usual(steps), _LEAST_GAP / width)
+    places = np.flatnonzero(steps > longest)
+    return [((int(used[i]) + 1) * width, int(used[i + 1]) * width) for i in places]
+
+
+def usual(steps: np.ndarray) -> float:
+    """Return the usual distance between points: nine of ten are not longer."""
+    return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0

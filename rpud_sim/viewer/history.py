@@ -16,10 +16,9 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.fault_kinds import magnitude_text
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.viewer.bins import CREDIBLE, Bins, Impacts, Layer
+from rpud_sim.viewer.bins import CREDIBLE, Bins, Impacts, Layer, gaps_of, with_gaps
 from rpud_sim.viewer.commands import Commands
 
-GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 SECTION = 0.02  # length of the motion that a section shows [s]
 MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
 IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
@@ -33,8 +32,6 @@ _RATES = 10  # parts of a second, whose rates of impacts are compared
 _SPARK = 60  # means of a sparkline, one a second
 _TIMELINE = 1000  # bins
 _FINEST = 1 << 20  # parts of a range: as many as there are bins
-_LEAST_GAP = 0.1  # s
-_LEAST_STEPS = 10  # fewer messages have no usual distance
 _UNBELIEVABLE = 1e100  # size of a value beyond the table of quantities
 _MOST_GARBAGE = 10_000  # values of a signal whose times are kept, the newest
 _MOST_HOLES = 200  # of one signal that are shown
@@ -425,35 +422,6 @@ class History:
         else:
             parts = math.ceil(parts * (last - first) / max(end - start, 1e-9))
         return first, max(first, last), max(1, parts)
-
-
-def with_gaps(layer: Layer) -> Layer:
-    """Return a layer without its NaN, and with NaN between points that are far apart."""
-    valid = np.isfinite(layer["mean"])
-    layer = {name: values[valid] for name, values in layer.items()}
-    times = layer["t"]
-    steps = np.diff(times)
-    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
-    middles = 0.5 * (times[places - 1] + times[places])
-    return {
-        name: np.insert(values, places, middles if name == "t" else np.nan)
-        for name, values in layer.items()
-    }
-
-
-def gaps_of(used: np.ndarray, width: float) -> list[tuple[float, float]]:
-    """Return gaps between used bins that are much longer than usual, from and to [s]."""
-    steps = np.diff(used)
-    if len(steps) < _LEAST_STEPS:
-        return []
-    longest = max(GAP * usual(steps), _LEAST_GAP / width)
-    places = np.flatnonzero(steps > longest)
-    return [((int(used[i]) + 1) * width, int(used[i + 1]) * width) for i in places]
-
-
-def usual(steps: np.ndarray) -> float:
-    """Return the usual distance between points: nine of ten are not longer."""
-    return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
 
 
 def _number(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarray) -> Layer:

@@ -16,7 +16,7 @@ from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.viewer.bins import CREDIBLE, Bins, Layer, part_length, thinned
+from rpud_sim.viewer.bins import CREDIBLE, Bins, Layer, part_length, thinned, with_gaps
 from rpud_sim.viewer.borehole import hole_of
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
 from rpud_sim.viewer.history import (
@@ -26,7 +26,6 @@ from rpud_sim.viewer.history import (
     Signal,
     plain_status,
     seconds,
-    with_gaps,
 )
 from rpud_sim.viewer.recording import STATUS_TYPE, Reading, RecordedBag
 from rpud_sim.viewer.waveforms import CHANNELS, Waveform, Waveforms

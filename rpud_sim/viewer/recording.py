@@ -23,8 +23,8 @@ from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.viewer.bins import Bins
-from rpud_sim.viewer.history import History, Signal, gaps_of, is_foreign, namespace
+from rpud_sim.viewer.bins import Bins, gaps_of
+from rpud_sim.viewer.history import History, Signal, is_foreign, namespace
 from rpud_sim.viewer.time_line import Rows, TimeLine
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals

@@ -133,6 +133,7 @@ def test_garbage_impacts_leave_the_quantiles_of_all_others():
     healthy = filled(times, peaks).spread(0.0, 10.0, 50)
     peaks[1234], peaks[2345] = 5.6e174, -5.6e30
     spoilt = filled(times, peaks).spread(0.0, 10.0, 50)
+    np.testing.assert_allclose(spoilt["mean"], healthy["mean"], rtol=1e-2)
     np.testing.assert_allclose(spoilt["low"], healthy["low"], rtol=1e-2)
     np.testing.assert_allclose(spoilt["high"], healthy["high"], rtol=1e-2)
     assert len(spoilt["outliers"]["v"]) == 0
