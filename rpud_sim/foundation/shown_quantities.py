@@ -22,7 +22,25 @@ _UNITS = {
     "/s": ("1/s", 1.0),
     "°C": ("degC", 1.0),
 }
+# Greatest credible size by SI unit: what is greater is garbage, such as of a faulty channel.
+_CREDIBLE = {
+    "N": 1e6,
+    "m": 1e2,
+    "m/s": 1e3,
+    "1/s": 1e6,
+    "W": 1e7,
+    "N m": 1e5,
+    "rad/s": 1e5,
+    "V": 1e6,
+    "A": 1e5,
+    "Hz": 1e9,
+    "degC": 1e5,
+    "J": 1e6,
+    "s": 1e9,
+    "m^3": 1.0,
+}
 NONE = "\N{EN DASH}"  # in place of a value that is not there
+GARBAGE = "garbage"  # in place of a value that nothing real has
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 # Units that are shown with a prefix; angles, and what has no unit, stay as they are.
 _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
@@ -40,6 +58,7 @@ class ShownQuantity:
     floor: float = 0.0  # SI; what is smaller reads 0
     types: str = ""  # of messages that have it, the best first; with the column of another name
     zero: bool = True  # whether its axis includes zero
+    kind: str = "line"  # how a plot draws it; a ``band`` changes faster than a screen shows
     digits: int = 3  # significant ones
     symbol: str = ""  # of the paper
 
@@ -49,13 +68,19 @@ class ShownQuantity:
         return _UNITS.get(self.unit, (self.unit, 1.0))[0]
 
     @property
+    def credible(self) -> float:
+        """Greatest credible size, in its SI unit."""
+        return _CREDIBLE.get(self.si, 1e100)
+
+    @property
     def sources(self) -> list[str]:
         """``Type.column`` of messages that have it, the best first."""
         return [each if "." in each else f"{each}.{self.name}" for each in self.types.split()]
 
     def for_browser(self) -> dict[str, object]:
         """Return it as plain values, for the page's own script."""
-        return {n: value for n, value in vars(self).items() if n not in ("types", "symbol")}
+        plain = {n: value for n, value in vars(self).items() if n not in ("types", "symbol")}
+        return plain | {"credible": self.credible}
 
     def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
         """Return a value, given in SI units, as people read it; a dash for none.
@@ -64,6 +89,8 @@ class ShownQuantity:
         """
         if value is None or not math.isfinite(value):
             return NONE
+        if abs(value) > self.credible:
+            return GARBAGE
         number = number_text(0.0 if abs(value) < self.floor else value * self.scale, self.digits)
         number = f"+{number}" if sign and value > 0.0 and number != "0" else number
         return f"{number} {self.unit}" if unit and self.unit else number
@@ -89,56 +116,56 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 # Name, label, symbol of the paper, unit, colour, floor, whether any axis will do or one with zero,
-# and messages that have it.
+# kind of its layer in a plot if it is no line, and messages that have it.
 _TABLE = """\
-impact_rate | impacts | | /s | force | 1e-3 | |
-peak_force | peak force | | kN | force | 0.5 | | ContactForce
-contact_force | contact force | | kN | force | 0.5 | |
-reacting_force | reacting force | R | N | load | 1e-6 | | ReactingForce.force
-weight_on_bit | weight on bit | W | N | command | 1e-6 | | Mount Status
-nodal_plane | nodal plane | | mm | plane | 1e-8 | any | NodalPlane.position
-actuator | actuator tip | | mm | plane | 1e-8 | any |
-free_mass | free mass | | mm | mass | 1e-8 | any |
-drill_tool | drill tool | | mm | tool | 1e-8 | any | DrillTool.displacement
-electrical_power | electrical power | | W | power | 1e-6 | | ActuatorState Status
-actuator_power | power of the vibration | | W | power | 1e-6 | | Power
-absorbed_power | power into tool and rock | | W | depth | 1e-6 | | Power
-power | power | | W | power | 1e-6 | |
-depth | depth | | mm | depth | 1e-9 | | Borehole Status
-penetration_rate | penetration rate | | mm/min | depth | 1e-10 | | Borehole Status
-torque | torque of rock and cuttings | | mN m | torque | 1e-9 | | Rotation
-drive_torque | torque of the drive | | mN m | power | 1e-9 | | Rotation
-rotation_rate | rotation | | rad/s | torque | 1e-6 | | Rotation.rate
-mount_force | force of the arm | | N | load | 1e-6 | | Mount.force
-mount_position | mount | | mm | plane | 1e-9 | any | Mount.position
-feed | feed | | mm | command | 1e-9 | any | Mount
-vibration_amplitude | vibration | | µm | plane | 1e-12 | | Status ActuatorState.amplitude
-current | current | | A | power | 1e-9 | | ActuatorState
-drive_voltage | voltage | | V | command | 1e-6 | | Status ActuatorState.voltage
-drive_frequency | drive frequency | | kHz | command | 1e-3 | any | Status ActuatorState.frequency
-resonance_frequency | resonance | | kHz | plane | 1e-3 | any | Status ActuatorState
-temperature | stack temperature | | °C | fault | 0 | any | Status.actuator_temperature ActuatorState
-packed_cuttings | packed cuttings | | mm³ | depth | 1e-13 | | Borehole
-bit_wear | wear of the bit | | | tool | 1e-9 | | Borehole
-lateness | latest block | | ms | other | 1e-6 | | Timing.lateness_max
-feed_rate | rate of the feed | | mm/s | command | 1e-9 | |
-impact_interval | impact interval | | ms | force | 1e-9 | |
-impact_velocity | impact velocity | | m/s | mass | 1e-6 | |
-impact_energy | impact energy | | mJ | force | 1e-9 | |
-contact_duration | contact duration | | µs | force | 1e-9 | |
-impact_power | power of the impacts | | W | power | 1e-6 | |
-weight_power | power of weight on bit and gravity | | W | power | 1e-6 | |
-load_damper_power | power lost in the load damper | | W | power | 1e-6 | |
-collision_power | power lost in collisions | | W | power | 1e-6 | |
+impact_rate | impacts | | /s | force | 1e-3 | | |
+peak_force | peak force | | kN | force | 0.5 | | band | ContactForce
+contact_force | contact force | | kN | force | 0.5 | | |
+reacting_force | reacting force | R | N | load | 1e-6 | | band | ReactingForce.force
+weight_on_bit | weight on bit | W | N | command | 1e-6 | | steps | Mount Status
+nodal_plane | nodal plane | | mm | plane | 1e-8 | any | band | NodalPlane.position
+actuator | actuator tip | | mm | plane | 1e-8 | any | |
+free_mass | free mass | | mm | mass | 1e-8 | any | |
+drill_tool | drill tool | | mm | tool | 1e-8 | any | band | DrillTool.displacement
+electrical_power | electrical power | | W | power | 1e-6 | | | ActuatorState Status
+actuator_power | power of the vibration | | W | power | 1e-6 | | | Power
+absorbed_power | power into tool and rock | | W | depth | 1e-6 | | | Power
+power | power | | W | power | 1e-6 | | |
+depth | depth | | mm | depth | 1e-9 | any | | Borehole Status
+penetration_rate | penetration rate | | mm/min | depth | 1e-10 | | | Borehole Status
+torque | torque of rock and cuttings | | mN m | torque | 1e-9 | | band | Rotation
+drive_torque | torque of the drive | | mN m | power | 1e-9 | | band | Rotation
+rotation_rate | rotation | | rad/s | torque | 1e-6 | | band | Rotation.rate
+mount_force | force of the arm | | N | load | 1e-6 | | band | Mount.force
+mount_position | mount | | mm | plane | 1e-9 | any | band | Mount.position
+feed | feed | | mm | command | 1e-9 | any | band | Mount
+vibration_amplitude | vibration | | µm | plane | 1e-12 | | | Status ActuatorState.amplitude
+current | current | | A | power | 1e-9 | | | ActuatorState
+drive_voltage | voltage | | V | command | 1e-6 | | steps | Status ActuatorState.voltage
+drive_frequency | drive frequency || kHz | command | 1e-3 |any|steps| Status ActuatorState.frequency
+resonance_frequency | resonance | | kHz | plane | 1e-3 | any | | Status ActuatorState
+temperature | stack temperature || °C | fault | 0 |any|| Status.actuator_temperature ActuatorState
+packed_cuttings | packed cuttings | | mm³ | depth | 1e-13 | | | Borehole
+bit_wear | wear of the bit | | | tool | 1e-9 | | | Borehole
+lateness | latest block | | ms | other | 1e-6 | | | Timing.lateness_max
+feed_rate | rate of the feed | | mm/s | command | 1e-9 | | |
+impact_interval | impact interval | | ms | force | 1e-9 | | |
+impact_velocity | impact velocity | | m/s | mass | 1e-6 | | |
+impact_energy | impact energy | | mJ | force | 1e-9 | | |
+contact_duration | contact duration | | µs | force | 1e-9 | | |
+impact_power | power of the impacts | | W | power | 1e-6 | | |
+weight_power | power of weight on bit and gravity | | W | power | 1e-6 | | |
+load_damper_power | power lost in the load damper | | W | power | 1e-6 | | |
+collision_power | power lost in collisions | | W | power | 1e-6 | | |
 """
 
 
 def _row(text: str) -> ShownQuantity:
-    name, label, symbol, unit, colour, floor, axis, types = (w.strip() for w in text.split("|"))
+    name, label, symbol, unit, colour, floor, *more = (w.strip() for w in text.split("|"))
+    axis, kind, types = more
     scale = _UNITS.get(unit, (unit, 1.0))[1]
-    return ShownQuantity(
-        *(name, label, unit, scale, colour, float(floor), types), zero=not axis, symbol=symbol
-    )
+    given = name, label, unit, scale, colour, float(floor), types
+    return ShownQuantity(*given, zero=not axis, kind=kind or "line", symbol=symbol)
 
 
 QUANTITIES: Mapping[str, ShownQuantity] = {

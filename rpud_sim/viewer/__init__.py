@@ -6,6 +6,7 @@ A recording is a live drill with a playhead, and a report is a recording in one 
 module            what it holds
 ================  ==================================================================================
 ``history``       what a drill has done, and how it is drawn; fed by DDS or by a bag
+``borehole``      layers of the rock, and a log of rate and torque by depth
 ``bins``          bins of signals, and impacts, of a run of any length
 ``commands``      commands of a run in words, and as stepped lines
 ``live_history``  history of a running drill, and ``live``: the threads that feed it, and act

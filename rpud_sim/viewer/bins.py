@@ -7,12 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.shown_quantities import QUANTITIES
+
 Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``: equal shapes (n,)
 
 MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
 MOST_OUTLIERS = 200  # of one answer
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
+
+CREDIBLE = QUANTITIES["peak_force"].credible  # greatest size of a peak force [N]
 
 _FIRST_LENGTH = 1 << 14
+_LEAST_GAP = 0.1  # s
+_LEAST_STEPS = 10  # fewer messages have no usual distance
 _ENDS = (0.05, 0.95)  # quantiles of the band
 # What a bin has: least and greatest value, sum and number of values; how two are merged, and none.
 _MERGES = ((np.minimum, np.inf), (np.maximum, -np.inf), (np.add, 0.0), (np.add, 0))
@@ -66,9 +73,11 @@ class Bins:
         """Return whether a signal has had a value."""
         return signal in self._used
 
-    def used(self) -> np.ndarray:
-        """Return the numbers of bins in which any signal has a value."""
-        return self.first + np.flatnonzero(self._bins[3].any(axis=0))
+    def used(self, signal: str = "") -> np.ndarray:
+        """Return the numbers of bins in which a signal, or any, has a value."""
+        counts = self._bins[3]
+        held = counts[self._place[signal]] > 0 if signal else counts.any(axis=0)
+        return self.first + np.flatnonzero(held)
 
     def mean(self, signal: str, start: float, end: float) -> float:
         """Return the mean of a signal from a time to another [s], to a bin; NaN without a value."""
@@ -170,15 +179,15 @@ class Impacts:
         """
         edges, width = _edges(start, end, parts)
         times, peaks = self.between(float(edges[0]), float(edges[-1]))
-        finite = np.isfinite(peaks)  # what is not has no place among quantiles
-        times, peaks = times[finite], peaks[finite]
+        credible = np.abs(peaks) <= CREDIBLE  # garbage has no place among quantiles
+        times, peaks = times[credible], peaks[credible]
         count = len(edges) - 1
         part = np.minimum((times / width).astype(np.intp) - round(edges[0] / width), count - 1)
         numbers = np.bincount(part, minlength=count)
-        # Sorted within each part: the quantiles are then at known places. One key of both is much
-        # faster than a sort by two.
-        scale = 0.4 / max(float(np.abs(peaks).max(initial=0.0)), 1e-30)
-        ordered = (np.sort(part + scale * peaks.astype(float)) - part) / scale
+        # By part, then by force: the quantiles are at known places. 16 bits are sorted by radix.
+        order = np.argsort(peaks)
+        order = order[np.argsort(part[order].astype(np.uint16), kind="stable")]
+        ordered = peaks[order].astype(float)
         begins = np.cumsum(numbers) - numbers
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.bincount(part, peaks, count) / numbers
@@ -240,3 +249,32 @@ def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Layer:
     both = np.column_stack([places[rows, parts.argmin(1)], places[rows, parts.argmax(1)]])
     kept = np.unique(np.concatenate([[0], both.ravel(), [len(times) - 1]]))
     return {"t": times[kept], "mean": values[kept]}
+
+
+def with_gaps(layer: Layer) -> Layer:
+    """Return a layer without its NaN, and with NaN between points that are far apart."""
+    valid = np.isfinite(layer["mean"])
+    layer = {name: values[valid] for name, values in layer.items()}
+    times = layer["t"]
+    steps = np.diff(times)
+    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
+    middles = 0.5 * (times[places - 1] + times[places])
+    return {
+        name: np.insert(values, places, middles if name == "t" else np.nan)
+        for name, values in layer.items()
+    }
+
+
+def gaps_of(used: np.ndarray, width: float) -> list[tuple[float, float]]:
+    """Return gaps between used bins that are much longer than usual, from and to [s]."""
+    steps = np.diff(used)
+    if len(steps) < _LEAST_STEPS:
+        return []
+    longest = max(GAP * usual(steps), _LEAST_GAP / width)
+    places = np.flatnonzero(steps > longest)
+    return [((int(used[i]) + 1) * width, int(used[i + 1]) * width) for i in places]
+
+
+def usual(steps: np.ndarray) -> float:
+    """Return the usual distance between points: nine of ten are not longer."""
+    return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from array import array
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +27,8 @@ _ALONE = 4  # close changes that have entries of their own; further ones share t
 _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed", "mount")  # kinds whose value holds until the next one
-
+_LASTING_NAMES = [kind.replace("_", " ") for kind in _LASTING]
+_BEYOND = re.compile(r"[\w ]+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
 
 
@@ -87,18 +90,23 @@ class Commands:
 
     def refuse(self, time: float, reason: str) -> None:
         """Add a refusal to the log, at a time [s]."""
-        self._log(time, REFUSAL, f"refused: {reason}")
+        self._log(time, REFUSAL, f"refused: {plain_refusal(reason)}")
 
     @property
     def quantities(self) -> Collection[str]:
         """Quantities of which there are steps."""
         return self._steps.keys()
 
-    def frame(self, faults: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
+    def frame(
+        self,
+        faults: Iterable[Mapping[str, Any]] = (),
+        lost: Iterable[tuple[float, float]] = (),
+    ) -> dict[str, Any]:
         """Return the fields ``log`` and ``log_thinned`` of a frame.
 
         ``faults`` are those of the frame. Their beginnings and ends take the place of what the
-        journal says of faults.
+        journal says of faults. One entry takes the place of what the drill did by itself while
+        commands were lost, from and until [s].
         """
         told = []
         for fault in faults:
@@ -108,6 +116,9 @@ class Commands:
             if fault.get("end") is not None:
                 told.append(LogEntry(float(fault["end"]), FAULT, f"{name} ends"))
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
+        for begin, end in lost:
+            own = [e for e in own if e.name not in _LASTING_NAMES or not begin <= e.time < end]
+            told.append(LogEntry(begin, FAULT, "commands lost: drive and weight on bit fall to 0"))
         entries = sorted([*own, *told], key=lambda entry: entry.time)
         return {
             "log": [entry.plain() for entry in entries],
@@ -199,3 +210,15 @@ def _fault_text(fault: Mapping[str, Any]) -> str:
     kind, channel = str(fault["kind"]), str(fault.get("channel") or "")
     size = magnitude_text(kind, channel, float(fault.get("magnitude") or 0.0))
     return f"{fault_text(kind, channel).replace('_', ' ')} {size}".strip()
+
+
+def plain_refusal(reason: str) -> str:
+    """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
+    if found := _BEYOND.fullmatch(reason):
+        value, unit, low, high = (each or "" for each in found.groups())
+        with suppress(ValueError):
+            if float(value) < float(low):
+                return f"{value}{unit} is below {low}{unit}"
+            if float(value) > float(high):
+                return f"{value}{unit} is above {high}{unit}"
+    return reason

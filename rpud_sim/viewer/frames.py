@@ -21,13 +21,6 @@ _ALIGNED = 8  # bytes
 _MOST_PLOTS = 5  # of a bag without a drill
 _SHARE = 100.0  # a view of a running drill may take one part of so many of the time
 
-# Kinds of layers; bands are of quantities that change faster than a screen shows. Others are lines.
-_KINDS = {
-    **dict.fromkeys(("weight_on_bit", "drive_voltage", "drive_frequency"), "steps"),
-    **dict.fromkeys(("peak_force", "reacting_force", "mount_force", "torque"), "band"),
-    **dict.fromkeys(("drive_torque", "rotation_rate", "feed", "mount_position"), "band"),
-    **dict.fromkeys(("nodal_plane", "drill_tool"), "band"),
-}
 # Choices of the last plot: title and quantities by identifier.
 _MORE = {
     "depth": ("depth of the hole", "depth"),
@@ -85,7 +78,7 @@ def _choice(name: str, title: str, labels: Mapping[str, str]) -> dict[str, Any]:
         {
             "quantity": quantity,
             "label": label,
-            "kind": _KINDS.get(quantity, "line" if quantity in QUANTITIES else "band"),
+            "kind": QUANTITIES[quantity].kind if quantity in QUANTITIES else "band",
         }
         for quantity, label in labels.items()
     ]
@@ -179,7 +172,7 @@ def measured(history: History, client: ClientState) -> dict[str, Any]:
     if due("faults", faults := history.faults):
         found["faults"] = faults
     if due("log", history.log_version, 0.5 * pace):
-        found |= history.commands.frame(faults)
+        found |= history.log()
     stepped = [name for name in history.commands.quantities if history.is_stepped(name)]
     if due("steps", (history.log_version, start if not pace else None, view, stepped), 0.5 * pace):
         # An entry of the journal may come before the messages of its time.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,17 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.drilling.rock import ROCKS, find_strata
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.messages.batch import Batch
 from rpud_sim.simulation.fault_kinds import magnitude_text
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.viewer.bins import Bins, Impacts, Layer
+from rpud_sim.viewer.bins import CREDIBLE, Bins, Impacts, Layer, gaps_of, with_gaps
 from rpud_sim.viewer.commands import Commands
 
-GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 SECTION = 0.02  # length of the motion that a section shows [s]
 MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
 IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
@@ -34,10 +32,11 @@ _RATES = 10  # parts of a second, whose rates of impacts are compared
 _SPARK = 60  # means of a sparkline, one a second
 _TIMELINE = 1000  # bins
 _FINEST = 1 << 20  # parts of a range: as many as there are bins
-_COLOURS = 6  # of layers of the rock
-_LOG_PARTS = 200  # of the depth, at most
-_LOG_BINS = 4000  # of the run, for rate and torque over the depth
+_UNBELIEVABLE = 1e100  # size of a value beyond the table of quantities
+_MOST_GARBAGE = 10_000  # values of a signal whose times are kept, the newest
+_MOST_HOLES = 200  # of one signal that are shown
 _NUMBERS = {  # quantities that a number shows: the first that there is
+    "depth": ("depth",),
     "reacting_force": ("reacting_force",),
     "power": ("electrical_power", "actuator_power"),
     "penetration_rate": ("penetration_rate",),
@@ -107,6 +106,12 @@ class History:
     def __init__(self, drill: str, signals: Iterable[Signal], bins: Iterable[Bins]) -> None:
         self.drill = drill
         self.signals = {signal.name: signal for signal in signals}
+        shown = {source: each for each in QUANTITIES.values() for source in each.sources}
+        self._credible = {  # greatest sizes of the signals of the table
+            signal.name: shown[signal.source].credible
+            for signal in self.signals.values()
+            if signal.source in shown
+        }
         strike = [each.topic for each in self.own_signals if each.type == IMPACTS_TYPE]
         self.struck = min(strike, key=is_foreign, default="")  # topic of the impacts
         self.clear(bins)
@@ -120,6 +125,10 @@ class History:
         self.time: float | None = None  # latest [s]
         self.impacts = Impacts()
         self.commands = Commands()
+        self.garbage: dict[str, deque[float]] = {}  # times of values by signal [s]
+        self._commands_lost: dict[
+            float, bool
+        ] = {}  # whether commands are lost, by the time of a status
         self._faults: dict[tuple[int, int], dict[str, Any]] = {}  # by run and number
         self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages that are none of a drill
 
@@ -129,12 +138,23 @@ class History:
         times = batch.publish_times / SECOND
         for column, values in batch.fields.items():
             if (name := f"{batch.topic} {column}") in self.signals:
+                wrong = ~(self.is_credible(self.signals[name], values) | np.isnan(values))
+                if wrong.any():
+                    kept = self.garbage.setdefault(name, deque(maxlen=_MOST_GARBAGE))
+                    kept.extend(times[wrong].tolist())
+                    values = np.where(wrong, np.nan, values)
                 for bins in self.bins:
                     bins.add(name, times, values)
+        for time, lost in zip(times, batch.fields.get("commands_lost", ()), strict=False):
+            self._commands_lost[float(time)] = bool(lost)
         peaks = batch.fields.get("peak_force")
         if batch.topic == self.struck and peaks is not None:  # another type may have the name
             valid = np.isfinite(peaks) & (times >= 0.0)
             self.impacts.add(times[valid], peaks[valid])
+
+    def is_credible(self, signal: Signal, values: np.ndarray) -> np.ndarray:
+        """Return which values are numbers, and not garbage, shape (n,)."""
+        return np.asarray(np.abs(values) <= self._credible.get(signal.name, _UNBELIEVABLE))
 
     def add_entry(self, time: float, kind: str, content: Any) -> None:
         """Add an entry of the journal, at a time [s]."""
@@ -158,6 +178,18 @@ class History:
                 "end": None if fault.active else seconds(fault.clear, origin),
                 "active": bool(fault.active),
             }
+
+    def log(self) -> dict[str, Any]:
+        """Return the fields of a frame that tell what was commanded."""
+        spans: list[tuple[float, float]] = []
+        lost = False
+        for time, now in sorted(self._commands_lost.items()):
+            if now and not lost:
+                spans.append((time, math.inf))
+            elif lost and not now:
+                spans[-1] = spans[-1][0], time
+            lost = now
+        return self.commands.frame(self.faults, spans)
 
     @property
     def version(self) -> int:
@@ -245,12 +277,53 @@ class History:
                 layer = self.line(signal, start, end, width // _POINT)
                 shown = ("t", "mean") if kind == "line" else ("t", "mean", "low", "high")
                 layers[quantity] = {each: layer[each] for each in shown}
+        self.mark_faulty(layers, start, end)
         found = {"start": start, "end": end, "detail": "overview"}
         return {**found, "band": "least-greatest", "layers": layers}
 
+    def mark_faulty(self, layers: Mapping[str, Layer], start: float, end: float) -> None:
+        """Add to layers where messages are missing, ``holes``, and times of ``garbage`` [s]."""
+        for quantity, layer in layers.items():
+            signal = self.signal("peak_force" if quantity in IMPACTS else quantity)
+            if signal is None:
+                continue
+            holes = [hole for hole in self.holes(signal) if hole[1] > start and hole[0] < end]
+            if holes:
+                layer["holes"] = holes[-_MOST_HOLES:]
+            wrong = [time for time in self.garbage.get(signal.name, ()) if start <= time <= end]
+            if wrong:
+                layer["garbage"] = {"t": np.array(wrong[-_MOST_HOLES:]), "count": len(wrong)}
+
+    def holes(self, signal: Signal) -> list[tuple[float, float]]:
+        """Return where messages of a signal are missing, from and to [s], by ascending time."""
+        if signal.topic == self.struck:
+            return self._uncounted()
+        used, width = self.bins[-1].used(signal.name), self.bins[-1].width
+        return gaps_of(used, width) if self.known == math.inf else []
+
+    def _counter(self) -> Layer:
+        """Return times and values of the counter of the impacts, which each status has."""
+        own = (each for each in self.own_signals if each.source == "Status.impacts")
+        if not (signal := next(own, None)):
+            return dict.fromkeys(("t", "mean"), np.empty(0))
+        layer = self.bins[-1].view(signal.name, 0.0, self.time or 0.0, _FINEST)
+        valid = np.isfinite(layer["mean"])
+        return {name: layer[name][valid] for name in ("t", "mean")}
+
+    def _uncounted(self) -> list[tuple[float, float]]:
+        """Return where the drill counted twice as many impacts as were received [s]."""
+        counter = self._counter()
+        times, counted = counter["t"], np.diff(counter["mean"])
+        if self.known < math.inf or not len(counted):
+            return []
+        received = np.diff(np.searchsorted(self.impacts.between(0.0, math.inf)[0], times))
+        missing = counted > 2 * received * self.impacts.stride + _LEAST_IMPACTS
+        missing &= times[:-1] >= self.since
+        return [(float(times[i]), float(times[i + 1])) for i in np.flatnonzero(missing)]
+
     def line(self, signal: Signal, start: float, end: float, parts: int = _TIMELINE) -> Layer:
         """Return a signal in about so many parts of a range of time [s]."""
-        return with_gaps(self._bins(start).view(signal.name, *self._range(start, end, parts)))
+        return with_gaps(self.finest(start).view(signal.name, *self._range(start, end, parts)))
 
     def timeline(self) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
@@ -286,51 +359,54 @@ class History:
         """Return the field ``numbers`` of a frame: of the last second before a time [s]."""
         begin = min(max(now - 1.0, self.since), now - 1e-3)
         seconds = min(_SPARK, max(1, int(now - self.since)))
-        view, bins = self._bins(begin).view, self._bins(now - seconds)
+        view, bins = self.finest(begin).view, self.finest(now - seconds)
         found: dict[str, Layer | None] = dict.fromkeys((*IMPACTS, *_NUMBERS))
         if signal := self.signal("peak_force"):
             times, peaks = (each.astype(float) for each in self.impacts.between(begin, now))
+            faulty = self._faulty(signal, begin, now)
+            peaks = peaks[(np.abs(peaks) <= CREDIBLE) & ("lost" not in faulty)]
             counts = np.histogram(times, _RATES, (begin, now))[0] * self.impacts.stride
             rates = counts * _RATES / (now - begin)
             edges = now - np.arange(seconds, -1, -1.0)
             times, _ = self.impacts.between(edges[0], now)
             spark = np.diff(np.searchsorted(times, edges)) * self.impacts.stride
+            rates = self._counted_rate(now) if "lost" in faulty else rates
             found["impact_rate"] = _number(rates, rates, rates, spark)
             means = bins.view(signal.name, edges[0], now, seconds)["mean"]
-            found["peak_force"] = _number(peaks, peaks, peaks, means)
+            found["peak_force"] = _number(peaks, peaks, peaks, means) | faulty
         for number, quantities in _NUMBERS.items():
             if signal := next(filter(None, map(self.signal, quantities)), None):
                 means = bins.view(signal.name, now - seconds, now, seconds)["mean"]
                 last = view(signal.name, begin, now, _FINEST)
                 if not np.isfinite(last["mean"]).any():  # a status is as old as a second
                     last = view(signal.name, begin - 1.0, now, _FINEST)
-                found[number] = _number(last["low"], last["mean"], last["high"], means)
+                shown = _number(last["low"], last["mean"], last["high"], means)
+                found[number] = shown | self._faulty(signal, begin, now)
         return found
+
+    def _faulty(self, signal: Signal, begin: float, now: float) -> dict[str, Any]:
+        """Return what is wrong with a signal in a range [s]: ``lost``, ``garbage``; or neither."""
+        found: dict[str, Any] = {}
+        if any(hole[1] > begin and hole[0] < now for hole in self.holes(signal)[-4:]):
+            found["lost"] = True
+        if count := sum(begin <= time <= now for time in self.garbage.get(signal.name, ())):
+            found["garbage"] = count
+        return found
+
+    def _counted_rate(self, now: float) -> np.ndarray:
+        """Return the rate of the impacts by the two latest statuses at a time [1/s]; or none."""
+        counter = self._counter()
+        place = int(np.searchsorted(counter["t"], now + self.bins[-1].width, "right"))
+        times, counts = (counter[name][max(place - 2, 0) : place] for name in ("t", "mean"))
+        return np.asarray(np.diff(counts) / np.diff(times))
 
     def latest(self, signal: Signal, now: float) -> float | None:
         """Return the latest value of a signal in the second before a time [s]."""
-        means = self._bins(now - 1.0).view(signal.name, now - 1.0, now, _FINEST)["mean"]
+        means = self.finest(now - 1.0).view(signal.name, now - 1.0, now, _FINEST)["mean"]
         known = means[np.isfinite(means)]
         return float(known[-1]) if len(known) else None
 
-    def hole(self, now: float) -> Layer | None:
-        """Return the field ``hole`` of a frame at a time [s]; None without a rock or a depth."""
-        layers, bins = rock_layers(self.commands.parameters), self.bins[-1]
-        shown, rates, torques = map(self.signal, ("depth", "penetration_rate", "torque"))
-        if not layers or shown is None or rates is None:
-            return None
-        end = max(now, bins.width)
-        depth, rate = (bins.view(each.name, 0.0, end, _LOG_BINS)["mean"] for each in (shown, rates))
-        torque = bins.view(torques.name, 0.0, end, _LOG_BINS)["mean"] if torques else None
-        latest = self.latest(shown, now)
-        if latest is None:
-            latest = next((each for each in depth[::-1] if np.isfinite(each)), 0.0)
-        arm = self.signal("mount_position")  # at the depth of the hole the bit touches the rock
-        tip = self.latest(arm, now) if arm else None
-        log = well_log(depth, rate, torque)
-        return {"depth": latest, "tip": tip, "layers": layers, "log": log}
-
-    def _bins(self, start: float) -> Bins:
+    def finest(self, start: float) -> Bins:
         """Return the finest bins that hold all from a time on [s]."""
         held = (each for each in self.bins if not each.first or start >= each.first * each.width)
         return next(held, self.bins[-1])
@@ -348,25 +424,6 @@ class History:
         return first, max(first, last), max(1, parts)
 
 
-def with_gaps(layer: Layer) -> Layer:
-    """Return a layer without its NaN, and with NaN between points that are far apart."""
-    valid = np.isfinite(layer["mean"])
-    layer = {name: values[valid] for name, values in layer.items()}
-    times = layer["t"]
-    steps = np.diff(times)
-    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
-    middles = 0.5 * (times[places - 1] + times[places])
-    return {
-        name: np.insert(values, places, middles if name == "t" else np.nan)
-        for name, values in layer.items()
-    }
-
-
-def usual(steps: np.ndarray) -> float:
-    """Return the usual distance between points: nine of ten are not longer."""
-    return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
-
-
 def _number(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarray) -> Layer:
     known = np.isfinite(mean)
     found: Layer = dict.fromkeys(("mean", "least", "greatest"))
@@ -376,48 +433,3 @@ def _number(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarr
     with np.errstate(over="ignore"):
         spark = spark.astype(np.float32)
     return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:]}
-
-
-def rock_layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the layers of the rock that a run's parameters choose; none without a rock."""
-    choice = str(parameters.get("strata") or "")
-    if not choice:
-        if parameters.get("rock_model", "none") == "none":
-            return []
-        return [{"from": 0.0, "to": None, "name": "rock", "colour": 0}]
-    if not choice.lstrip().startswith("{") and choice not in ROCKS:
-        return []  # a path: no recorded or received text makes this program read a file
-    try:
-        strata = find_strata(choice)
-    except ParameterError:  # another program wrote it
-        return []
-    names = list(dict.fromkeys(layer.name for layer in strata.layers))
-    return [
-        {
-            "from": layer.depth_from,
-            "to": end if np.isfinite(end := strata.end_of(number)) else None,
-            "name": layer.name,
-            "colour": names.index(layer.name) % _COLOURS,
-        }
-        for number, layer in enumerate(strata.layers)
-    ]
-
-
-def well_log(
-    depth: np.ndarray, rate: np.ndarray, torque: np.ndarray | None
-) -> dict[str, np.ndarray]:
-    """Return means of rate [m/s] and torque [N m] over equal parts of the depth [m].
-
-    All have one value for each moment, shape (n,); what is not finite is left out.
-    """
-    valid = np.isfinite(depth) & np.isfinite(rate) & (depth >= 0.0)
-    greatest = float(depth[valid].max(initial=0.0))
-    if greatest <= 0.0:
-        return dict.fromkeys(("depth", "rate", "torque"), np.empty(0))
-    part = np.minimum((depth[valid] / greatest * _LOG_PARTS).astype(int), _LOG_PARTS - 1)
-    used, places, counts = np.unique(part, return_inverse=True, return_counts=True)
-    log = {"depth": (used + 0.5) * greatest / _LOG_PARTS}
-    log["rate"] = np.bincount(places, rate[valid]) / counts
-    none = np.full(len(used), np.nan)
-    log["torque"] = none if torque is None else np.bincount(places, torque[valid]) / counts
-    return {name: values.astype(np.float32) for name, values in log.items()}

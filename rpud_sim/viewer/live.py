@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
 import threading
 import time
 from collections import Counter, deque
@@ -21,6 +20,7 @@ from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics
 from rpud_sim.ros.process import StartError
 from rpud_sim.simulation.fault_kinds import fault_forms
+from rpud_sim.viewer.commands import plain_refusal
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
 from rpud_sim.viewer.live_history import LiveHistory
 from rpud_sim.viewer.server import EXPIRY, PageServer, Place
@@ -33,7 +33,6 @@ SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
 
 _MOST_WAITING = 32
 _KEPT = 8  # outcomes
-_BEYOND = re.compile(r"[\w ]+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _PERIOD = 0.1  # between takes of messages [s]
 _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
 _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
@@ -60,18 +59,6 @@ _TIMING = {
 }
 
 
-def plain_refusal(reason: str) -> str:
-    """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
-    if found := _BEYOND.fullmatch(reason):
-        value, unit, low, high = (each or "" for each in found.groups())
-        with suppress(ValueError):
-            if float(value) < float(low):
-                return f"{value}{unit} is below {low}{unit}"
-            if float(value) > float(high):
-                return f"{value}{unit} is above {high}{unit}"
-    return reason
-
-
 class InterruptedWaitError(Exception):
     """Raised inside a wait of the client to end it."""
 
@@ -81,6 +68,8 @@ class Actions:
 
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
+        self.given: dict[str, Any] = {}  # arguments of the latest one
+        self.ended = 0.0  # when an action ended last, by the monotonic clock [s]
         self.waiting: deque[tuple[str, dict[str, Any], float, str]] = deque()  # last: the asker
         self._outcomes: deque[dict[str, Any]] = deque(maxlen=_KEPT)
         self._numbers = count(1)
@@ -111,7 +100,7 @@ class Actions:
         if (waited := time.monotonic() - asked) > EXPIRY:
             self._settle(name, asker, FAILED, f"expired: it waited for {waited:.0f} s")
             return True
-        self.running = name
+        self.running, self.given = name, given
         state, text = DONE, ""
         try:
             result = getattr(client, name)(**given)
@@ -128,7 +117,7 @@ class Actions:
             # Wrong arguments: the thread of the drill must not end by them.
             state, text = REFUSED, plain_refusal(str(error))
         finally:
-            self.running = ""
+            self.running, self.ended = "", time.monotonic()
         self._settle(name, asker, state, text)
         return True
 
@@ -166,7 +155,7 @@ class LiveDrill:
         self._history = LiveHistory()
         self._lost_before: Counter[str] = Counter()  # by clients that are closed
         self._telemetry: FastTopics | None = None
-        self._status_at = self._settled_at = 0.0
+        self._status_at = self._settled_at = self._stepped_from = 0.0
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)
         self.namespace = self._client.namespace
@@ -177,9 +166,19 @@ class LiveDrill:
 
     @property
     def silent(self) -> int:
-        """Whole seconds without a status of a drill that is connected; 0 while they come."""
-        age = int(time.monotonic() - self._status_at)
-        return age if age >= _SILENT and self.connection["state"] == CONNECTED else 0
+        """Whole seconds without a status of a connected drill; 0 while they come, and in a step."""
+        age = int(time.monotonic() - max(self._status_at, self.actions.ended))
+        heard = age < _SILENT or self.actions.running == "step"
+        return 0 if heard or self.connection["state"] != CONNECTED else age
+
+    @property
+    def stepping(self) -> list[float]:
+        """Passed time and length of the step that is under way [s]; empty without one."""
+        seconds, now = self.actions.given.get("seconds"), self._history.time or 0.0
+        if self.actions.running != "step" or not isinstance(seconds, int | float):
+            self._stepped_from = now
+            return []
+        return [round(now - self._stepped_from, 1), float(seconds)]
 
     @property
     def gone(self) -> bool:
@@ -220,12 +219,6 @@ class LiveDrill:
         return client
 
     def _latched(self, topic: str, message: Any, published: int) -> None:
-        if topic == "command_results":
-            for result in message.results[message.repeated :]:
-                if not result.accepted:
-                    with self._lock:
-                        self._history.refuse(plain_refusal(result.reason))
-            return
         with self._lock:
             self._history.latched(topic, message, published)
         if topic == "status":
@@ -243,7 +236,7 @@ class LiveDrill:
         if (now := time.monotonic()) - self._settled_at >= 0.9 * _PERIOD:
             self._settled_at = now
             with self._lock:
-                self._history.settle()
+                self._history.settle(self._telemetry.lost if self._telemetry else {})
 
     def _live(self) -> None:
         try:
@@ -287,7 +280,7 @@ class LiveDrill:
                 client.spin()
                 if not client.publishers:
                     return "it has left"
-                if now - self._status_at > _SILENCE:
+                if now - max(self._status_at, self.actions.ended) > _SILENCE:
                     return f"it has published no status for {_SILENCE:g} s"
                 if (run := self._history.run) != asked_run:
                     with suppress(ClientError):  # asked again, unless it is gone
@@ -398,6 +391,7 @@ class LiveStore(Store):
             "drill": drill.namespace,
             "connection": drill.connection,
             "silent": drill.silent,
+            "stepping": drill.stepping,
             "kinds": drill.kinds,
             "losses": drill.lost,
             "outcomes": drill.actions.outcomes,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from rpud_sim.ros.client.topics import FIELDS
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
+from rpud_sim.viewer.borehole import hole_of
 from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_status
 
 BIN = 0.05  # length of the finest bins [s]
@@ -25,17 +28,19 @@ _BINS = 1 << 14
 _GREATEST = 2**61  # size of a time with which all calculations fit int64 [ns]
 _JOINING = 0.2  # after the first message, in which other topics may not have arrived yet [s]
 _LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
+_SILENCE = 2.0  # of a topic in which others go on: its messages are missing [s]
 _MOST_SAMPLES = 1200  # of a section
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
     *("peak_force", "impact_rate", "reacting_force"),
     *("nodal_plane", "free_mass", "drill_tool"),
 )
+_COUNTED = ("Status.impacts", "Status.commands_lost")  # beyond the table of quantities
 _REPORTS = ("power", "timing", "status")
 _TOPICS = {TOPICS[name].type.rpartition("/")[2]: name for name in (*FIELDS, *_REPORTS)}
 _SIGNALS = tuple(
     Signal(_TOPICS[kind], TOPICS[_TOPICS[kind]].type, field)
-    for quantity in QUANTITIES.values()
-    for kind, _, field in (source.partition(".") for source in quantity.sources)
+    for source in (*_COUNTED, *(s for each in QUANTITIES.values() for s in each.sources))
+    for kind, _, field in (source.partition("."),)
     # Not what only older bags have.
     if field in message_class(TOPICS[_TOPICS[kind]].type).get_fields_and_field_types()
 )
@@ -57,6 +62,7 @@ class LiveHistory(History):
     def __init__(self) -> None:
         self.run = 0
         self.journal_lost = 0
+        self._lost: dict[str, int] = {}  # messages by topic that were lost before
         self._kept: dict[str, tuple[Any, int]] = {}  # latest latched message by topic, and when
         self._begins: dict[int, int] = {}  # when each begin that is not taken in was published [ns]
         self._begun = 0  # when the run's begin was published [ns]; 0 if it is not known
@@ -79,6 +85,8 @@ class LiveHistory(History):
         self.block: Block | None = None
         self._newest: Block | None = None
         self._latest: dict[str, tuple[Any, ...]] = {}
+        self._holes: dict[str, list[tuple[float, float]]] = {}  # lost messages by topic [s]
+        self._until: dict[str, float] = {}  # latest time by topic [s]
         for waiting in self._waiting.values():
             waiting[:] = [each for each in waiting if each[-1] >= self._begun > 0]
 
@@ -123,13 +131,8 @@ class LiveHistory(History):
         held, self.held = self.held, []
         self.complete(held)
 
-    def refuse(self, reason: str) -> None:
-        """Note that the drill has refused a command."""
-        self.log_version += 1
-        self.commands.refuse(self.time or 0.0, reason)
-
-    def settle(self) -> None:
-        """Take in the fast messages that wait."""
+    def settle(self, lost: Mapping[str, int] = MappingProxyType({})) -> None:
+        """Take in the fast messages that wait; ``lost`` counts those that never came, by topic."""
         newest = self._newest
         # Impacts have a topic, a beginning and delays of their own.
         joined = self.since < 2.0 * BIN or (newest and newest[0] > self.since + _JOINING)
@@ -139,7 +142,8 @@ class LiveHistory(History):
         for topic, waiting in self._waiting.items():
             own = [each for each in waiting if each[-1] >= self._begun]
             if own and self._origins:
-                self._settle(topic, own)
+                self._settle(topic, own, lost.get(topic, 0) - self._lost.get(topic, 0))
+                self._lost[topic] = lost.get(topic, 0)
             waiting.clear()
 
     @property
@@ -149,6 +153,15 @@ class LiveHistory(History):
         fast = {topic: dict(zip(FIELDS[topic], values, strict=True)) for topic, values in latest}
         return fast | {name: self.reports[name] for name in self.reports if name != "status"}
 
+    def holes(self, signal: Signal) -> list[tuple[float, float]]:
+        found = [*self._holes.get(signal.topic, ())]
+        now, until = self.time or 0.0, self._until.get(signal.topic, math.inf)
+        if signal.topic == self.struck:  # no impact is no loss
+            found += super().holes(signal)
+        elif until < now - _SILENCE:
+            found.append((until, now))
+        return sorted(found)
+
     def has(self, quantity: str) -> bool:
         return quantity in _ALWAYS or super().has(quantity)
 
@@ -156,7 +169,7 @@ class LiveHistory(History):
         return {"values": self.values, "numbers": self.numbers(time)}
 
     def whole(self) -> dict[str, Any]:
-        return {"timeline": self.timeline(), "hole": self.hole(self.time or 0.0)}
+        return {"timeline": self.timeline(), "hole": hole_of(self, self.time or 0.0)}
 
     def section_key(self, time: float) -> Any:
         return (self.block[0], self.impacts.total) if self.block else None
@@ -176,7 +189,9 @@ class LiveHistory(History):
         impacts = [[at - start, *rest] for at, *rest in self.latest_impacts if start <= at < end]
         return {**samples, "time": start, "period": period * stride, "impacts": impacts}
 
-    def _settle(self, topic: str, waiting: list[tuple[int, tuple[Any, ...], int]]) -> None:
+    def _settle(
+        self, topic: str, waiting: list[tuple[int, tuple[Any, ...], int]], lost: int
+    ) -> None:
         stamps, messages, _ = zip(*waiting, strict=True)
         times = self._times(np.array(stamps, np.int64))
         if times[-1] < 0:
@@ -184,6 +199,11 @@ class LiveHistory(History):
         if not self._latest and self._newest is None:
             self.since = max(0.0, float(times[0]) / SECOND)
         self.time = max(self.time or 0.0, float(times[-1]) / SECOND)
+        if lost > 0:  # where the step between two messages is longest
+            known = np.array([self._until.get(topic, self.since), *(times / SECOND)])
+            place = int(np.argmax(np.diff(known)))
+            self._holes.setdefault(topic, []).append((known[place], known[place + 1]))
+        self._until[topic] = float(times[-1]) / SECOND
         if topic == "waveform":
             self._wave(times / SECOND, messages)
             return
@@ -252,6 +272,12 @@ class LiveHistory(History):
         origin = stamp - int(times[0])
         if topic == "faults":
             self.add_faults(self.run, message.faults, origin)
+            return
+        if topic == "command_results":
+            self.log_version += 1
+            for result in message.results[message.repeated :]:
+                if not result.accepted:
+                    self.commands.refuse(float(times[0]) / SECOND, result.reason)
             return
         names = message.get_fields_and_field_types()
         shown = plain_status({name: getattr(message, name) for name in names}, origin)

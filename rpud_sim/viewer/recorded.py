@@ -16,7 +16,8 @@ from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.viewer.bins import Bins, Layer, part_length, thinned
+from rpud_sim.viewer.bins import CREDIBLE, Bins, Layer, part_length, thinned, with_gaps
+from rpud_sim.viewer.borehole import hole_of
 from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
 from rpud_sim.viewer.history import (
     IMPACTS,
@@ -25,7 +26,6 @@ from rpud_sim.viewer.history import (
     Signal,
     plain_status,
     seconds,
-    with_gaps,
 )
 from rpud_sim.viewer.recording import STATUS_TYPE, Reading, RecordedBag
 from rpud_sim.viewer.waveforms import CHANNELS, Waveform, Waveforms
@@ -106,7 +106,8 @@ class RecordedDrill(History):
         layers = self.impact_layers(start, end, width, kinds)
         times, peaks = self.impacts.between(start, end)
         if "peak_force" in layers and len(times) <= width // 2:
-            layers["peak_force"] = {"t": times, "mean": peaks}
+            credible = np.abs(peaks) <= CREDIBLE
+            layers["peak_force"] = {"t": times[credible], "mean": peaks[credible]}
         for name, signal in wanted.items():
             times, values = self._series(signal, numbers, start, end)
             layer = {"t": times, "mean": values}
@@ -115,6 +116,7 @@ class RecordedDrill(History):
                 bins.add(name, times, values)
                 layer = bins.view(name, start, end, width)
             layers[name] = with_gaps(layer)
+        self.mark_faulty(layers, start, end)
         exact = end - start < 1.001 * WAVEFORM_RANGE
         near = self.waveforms.between(start, end) if exact else []
         if near:
@@ -135,7 +137,7 @@ class RecordedDrill(History):
             if (value := self.latest(signal, time)) is not None:
                 values.setdefault(signal.topic.rpartition("/")[2], {})[signal.column] = value
         found = {"status": self._status(time), "values": values, "numbers": self.numbers(time)}
-        hole = self.hole(time)
+        hole = hole_of(self, time)
         return found | ({"hole": hole} if hole else {})
 
     def section_key(self, time: float) -> Any:
@@ -149,7 +151,7 @@ class RecordedDrill(History):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return times and values of a signal in a range, with the one before and the one after."""
         times, values = self.recording.series(signal.topic, (signal.column,), numbers)
-        valid = np.isfinite(values)
+        valid = self.is_credible(signal, values)
         times, values = times[valid], values[valid]
         first, last = np.searchsorted(times, [start, np.nextafter(end, np.inf)])
         chosen = slice(max(first - 1, 0), last + 1)
@@ -271,7 +273,7 @@ class RecordedStore(Store):
             "now": now,
             "extent": [0.0, now],
             "read": self.reading.share,
-            "moves": not history.is_drill or bool(history.waveforms),
+            "moves": bool(history.waveforms),
             "notice": self._notice(history),
             "timing": timing,
             "losses": losses,

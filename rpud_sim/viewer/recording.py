@@ -18,12 +18,12 @@ from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message,
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch, joined, messages_of
-from rpud_sim.messages.columns import Column, FieldReader, Kind, usable
+from rpud_sim.messages.columns import Column, FieldReader, Kind
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.viewer.bins import Bins
-from rpud_sim.viewer.history import GAP, History, Signal, is_foreign, namespace, usual
+from rpud_sim.viewer.bins import Bins, gaps_of
+from rpud_sim.viewer.history import History, Signal, is_foreign, namespace
 from rpud_sim.viewer.time_line import Rows, TimeLine
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
@@ -34,6 +34,7 @@ BINS = 2**17  # greatest number of bins of a signal
 MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 MOST_FAULTS = 10_000  # messages of faults that are read; further ones are counted
 
+GREATEST = 1e120  # size of a value: squares of greater ones overflow
 SAMPLED = 48  # chunks that are read before the page stands
 LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
 
@@ -41,8 +42,6 @@ _KEPT = 96  # chunks whose rows are kept
 _NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
-_LEAST_GAP = 0.1  # s
-_LEAST_STEPS = 10  # fewer messages have no usual distance
 _TOGETHER = 16  # chunks that are read together
 _SPARE = 1.02  # of the time, for what is later than the last log time
 
@@ -74,7 +73,7 @@ class TopicReader:
         values = {}
         for signal in self.signals:
             numbers = found.array(signal.column).astype(float)
-            values[signal.column] = np.where(usable(numbers), numbers, np.nan)
+            values[signal.column] = np.clip(numbers, -GREATEST, GREATEST)
         stamps = found.array("header.stamp") if self.stamped else logs
         return Rows(logs, published, stamps, values)
 
@@ -156,6 +155,7 @@ class RecordedBag:
             drill: [number for number, clocks in enumerate(held) if drill in clocks]
             for drill in set(self._clocks.values())
         }
+        self._usual_ends: dict[str, float] = {}  # of namespaces without a drill [s]
         self.span = lru_cache(None)(self._span)
         # None of a namespace without stamps, where log times count.
         self.time_lines = {drill: self._time_line(drill) for drill in self._held}
@@ -180,7 +180,8 @@ class RecordedBag:
         """
         if self.is_drill(drill := self.clock(topic)) and topic in self._timed[drill]:
             return np.ones(len(times), bool)
-        return (times >= -LATE * SECOND) & (times <= (self.end + LATE) * SECOND)
+        end = self.end if self.is_drill(drill) else self._usual_end(drill)
+        return (times >= -LATE * SECOND) & (times <= (end + LATE) * SECOND)
 
     def topic(self, drill: str, kind: str) -> str:
         """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
@@ -282,6 +283,16 @@ class RecordedBag:
         spans = (self.span(drill, number) for number in reversed(self._held[drill]))
         return next((span[1] for span in spans if span), 0.0)
 
+    def _usual_end(self, drill: str) -> float:
+        """Return how long a namespace without a drill lasts [s]: one wrong stamp says nothing."""
+        if drill not in self._usual_ends:
+            numbers = self._held[drill][-_TOGETHER:]
+            found = [self.times(n, rows) for i in numbers for n, rows in self._timed_rows(drill, i)]
+            times = np.sort(np.concatenate(found)) if found else np.empty(0)
+            low, high = np.quantile(times, (0.05, 0.95)) if len(times) else (0.0, 0.0)
+            self._usual_ends[drill] = float(high + (high - low)) / SECOND
+        return self._usual_ends[drill]
+
     def _time_line(self, drill: str) -> TimeLine | None:
         for number in self._held[drill][:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
@@ -367,15 +378,7 @@ class Reading:
 
         Of an incomplete reading it returns nothing.
         """
-        used, width = self.bins.used(), self.bins.width
-        steps = np.diff(used)
-        if not self.complete or len(steps) < _LEAST_STEPS:
-            return []
-        longest = max(GAP * usual(steps), _LEAST_GAP / width)
-        return [
-            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
-            for place in np.flatnonzero(steps > longest)
-        ]
+        return gaps_of(self.bins.used(), self.bins.width) if self.complete else []
 
     def _add(self, numbers: Iterable[int], found: Mapping[str, Rows]) -> None:
         """Add the rows of chunks."""
@@ -384,7 +387,8 @@ class Reading:
             if len(rows.stamps):
                 times = recording.times(topic, rows)
                 fits = recording.fits(topic, times)
-                self.outside[topic] += len(fits) - int(fits.sum())
+                early = _is_own(recording.readers[topic]) & (times < 0)  # latched before the bag
+                self.outside[topic] += int((~fits & ~early).sum())
                 times, values = times[fits], {k: v[fits] for k, v in rows.values.items()}
                 latest = float(times.max(initial=0)) / SECOND
                 self._seen = min(max(self._seen, latest), recording.end)
@@ -399,6 +403,7 @@ class Reading:
     def _end_of(self, found: Mapping[str, Rows]) -> float:
         """Return the greatest time of some rows [s]; 0 without any."""
         times = [self._recording.times(topic, rows) for topic, rows in found.items()]
+        times = [t[self._recording.fits(n, t)] for n, t in zip(found, times, strict=True)]
         latest = max((float(each.max()) / SECOND for each in times if len(each)), default=0.0)
         return min(latest, self._recording.end)
 

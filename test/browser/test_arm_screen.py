@@ -1,7 +1,7 @@
 """The screen of a drill on an arm in a real browser: its feed, its plots, its hole."""
 
 import pytest
-from browser_screens import opened, served, text_has, until_screen
+from browser_screens import opened, served, text_has, text_is, until_screen
 from drill_client import start_drill
 from support import PATIENCE
 
@@ -42,3 +42,28 @@ def test_feed_plots_and_hole_of_an_arm(drill, page_of):
             until_screen(page, f"screen.seen.view.layers[{quantity}]?.t.length > 5")
         page.keep("arm", whole=False)
         page.check()
+
+
+def test_above_the_rock_it_does_not_drill_and_lost_commands_are_an_alarm(page_of):
+    """As config/arm.yaml: 5 mm above the rock, and off half a second after the last command."""
+    namespace = "/arm_above"
+    values = VALUES | {"initial_feed": "-0.005", "drive_enabled": "false", "command_timeout": "1.5"}
+    with start_drill(namespace, **values), served(namespace) as server:
+        page = opened(page_of, server, namespace)
+        text_is(page, "#doing", "commands lost")
+        page.tab.click("#on")
+        text_is(page, "#doing", "no contact")
+        text_is(page, "#place", "not in the rock")
+        assert page.tab.is_visible("#section .air")
+        text_is(page, "#doing", "commands lost")
+        text_has(page, "#why", "none came for 1.5 s")
+        text_has(page, "#alarms", "commands lost")
+        until_screen(page, "screen.seen.log.at(-1).text.startsWith('commands lost')")
+        page.tab.click("#pauses")
+        page.tab.fill("[name=seconds]", "60")
+        page.tab.locator("[data-of~=step] form button").click()
+        text_is(page, "#doing", "stepping")
+        text_has(page, "#why", r"^\d+ of 60 s$")
+        page.tab.click("#pauses")
+        text_is(page, "#doing", "paused")
+        page.assert_quiet()

@@ -133,7 +133,8 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
 
 def test_playhead_picks_section_numbers_and_hole_there(frozen):
     page = frozen()
-    assert of_screen(page, "screen.playhead.time") == 0.0
+    assert of_screen(page, "screen.playhead.time") == 5.02  # where its numbers are
+    text_is(page, "#time", "5.0\N{NO-BREAK SPACE}s")
     of_screen(page, "screen.playhead.seek(40)")
     until_screen(page, "screen.clock.block.time === 35")
     until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
@@ -184,7 +185,7 @@ def test_a_jam_of_the_past_is_called_so_at_its_time(frozen):
     of_screen(page, f"Object.assign(screen.seen, {{ faults: [{fault}], status: {status} }})")
     said = []
     for time in (9, 11, 13):
-        of_screen(page, f"(screen.seen.at = {time}, screen.controls.drawState())")
+        of_screen(page, f"(screen.seen.at = {time}, screen.watch())")
         said.append(page.tab.text_content("#doing"))
     assert said == ["drilling", "jammed", "drilling"]
 
@@ -201,7 +202,7 @@ def test_garbage_neither_hides_what_is_sane_nor_leaves_its_box(frozen):
     page.tab.evaluate(
         "(layer) => import('/share/screen.js').then(({ rpudScreen: screen }) => {"
         "screen.seen.view.layers = { reacting_force: layer, peak_force: layer };"
-        "screen.seen.timeline = { ...layer, low: layer.mean, high: layer.mean };"
+        "screen.seen.timeline = { ...layer, low: layer.mean, high: layer.mean, of: 'peak_force' };"
         "screen.numbers.draw({ peak_force: { mean: -7.6e35, least: -1e36, greatest: 2,"
         " spark: layer.mean.slice(0, 60) } });"
         "screen.drawTime(); })",
@@ -215,20 +216,24 @@ def test_garbage_neither_hides_what_is_sane_nor_leaves_its_box(frozen):
     drawn = of_screen(page, f"{load}.plot.data[1].filter((each) => each !== null)")
     assert len(drawn) > 0.8 * BINS  # what is sane, and no line to garbage
     assert max(map(abs, drawn)) < 20 * END
-    text_is(page, "[data-number=peak_force]", "\N{MINUS SIGN}7.60e+32")
+    text_is(page, "[data-number=peak_force]", "garbage")
     output = "document.querySelector('[data-number=peak_force]')"
     assert page.tab.evaluate(f"{output}.scrollWidth <= {output}.clientWidth")
     page.keep("garbage")
 
 
-def test_what_happens_seldom_is_no_garbage(frozen):
+def test_an_axis_holds_all_but_garbage_and_what_is_five_times_as_far(frozen):
     page = frozen()
-    rest = [1e-9, -2e-9, 3e-10] * 300
-    ends = "(values) => import('/share/quantities.js').then((all) => all.clippedEnds(values))"
-    assert page.tab.evaluate(ends, [*rest, *[5.0] * 30])[1] == 5.0
-    assert page.tab.evaluate(ends, [1.0] * 100) == [1.0, 1.0]
-    assert page.tab.evaluate(ends, [0.0] * 100) == [0.0, 0.0]
-    assert page.tab.evaluate(ends, [2.0, 3.0, 1e20]) == [2.0, 3.0]
+    ends = "(given) => import('/share/quantities.js').then((all) => all.clippedEnds(...given))"
+    usual = [float(each) for each in range(1000)]
+    for values, greatest in (
+        ([*usual, 4000.0], 4000.0),
+        ([*usual, 6000.0], 999.0),
+        ([1.0] * 100, 1.0),
+        ([0.0] * 5000 + [5.0], 5.0),
+        ([1.0, 2.0, 1e20], 2.0),
+    ):
+        assert page.tab.evaluate(ends, [values, 1e9])[1] == greatest
 
 
 @pytest.mark.parametrize("width", [PHONE, WIDE])

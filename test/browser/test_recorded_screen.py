@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser_pages import PHONE, SCHEMES, WIDE
-from browser_screens import drag, of_screen, text_has, until_screen, view_of
+from browser_screens import drag, of_screen, text_has, text_is, until_screen, view_of
 from recorded_bags import FAULTS, rewritten, without_waveform
 from sample_bags import write_offline_bag
 from support import Process
@@ -68,6 +68,8 @@ def test_the_playhead_begins_at_the_start(recorded, drilled):
     until_screen(page, "screen.clock.block.time < 0.01")  # the first motion, and not the last
     page.tab.keyboard.press("n")
     text_has(page, "#found", "^impact at 0.0")
+    text_is(page, "#doing", "drilling")
+    text_has(page, "#in-force", r"weight on bit 8.N . drive 100.V, 16.kHz . in the rock")
 
 
 def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):
@@ -239,7 +241,7 @@ def test_axes_and_factors_say_what_they_are(recorded):
     text_has(page, "#section [data-part=step]", r"^indentation \d+ \u00b5m$")
     text_has(page, "#section [data-part=drawn]", r"^drawn \d+\u00d7$")
     put_playhead(page, 3)
-    text_has(page, "#numbers", "[\\d.]+ to [\\d.]+\nmin\u2013max, last 1 s")
+    text_has(page, "#numbers", "[\\d.]+ to [\\d.]+\nmin\u2013max, 1 s")
     until_screen(page, f"{axis}._values.includes('2 s')")
     of_screen(page, "screen.zoom(2, 2.02)")
     until_screen(page, f"{axis}._values.some((each) => each.endsWith('+5 ms'))")

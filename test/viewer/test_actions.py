@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.viewer.live import Actions, plain_refusal
+from rpud_sim.viewer.commands import plain_refusal
+from rpud_sim.viewer.live import Actions
 
 
 @pytest.mark.parametrize("name", ["close", "set_parameters", "__init__", "node"])

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from rpud_msgs.msg import Fault, Faults, JournalEntry, Status
+from rpud_msgs.msg import CommandResult, CommandResults, Fault, Faults, JournalEntry, Status
 
 from rpud_sim.viewer.frames import ClientState, measured
 from rpud_sim.viewer.live_history import BIN, LiveHistory
@@ -237,3 +237,59 @@ def test_a_jump_in_the_journal_is_counted_as_lost(history):
 def test_what_another_program_writes_into_the_journal_changes_nothing(history, content):
     history.latched("journal", JournalEntry(sequence=1, kind="begin", content=content))
     assert history.run == 1
+
+
+def test_refusals_stand_at_their_time_and_not_in_the_run_after_them():
+    def refused(time, reason):
+        result = CommandResult(kind="drive", accepted=False, reason=reason)
+        message = CommandResults(results=[result], repeated=0)
+        message.header.stamp = stamp(ORIGIN + time)
+        return message
+
+    history = LiveHistory()
+    history.latched("command_results", refused(7 * SECOND, "old"), 90)
+    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS), 100)
+    history.latched("command_results", refused(2 * SECOND, "new"), 110)
+    log = history.log()["log"]
+    assert [(line["time"], line["text"]) for line in log] == [
+        (0.0, "a run begins"),
+        (2.0, "refused: new"),
+    ]
+
+
+def test_what_a_drill_does_by_itself_is_no_command(history):
+    history.latched("journal", entry(1, "drive", SECOND, enabled=True, voltage=9.0, frequency=1e3))
+    for time, lost in ((2, True), (3, True), (4, False)):
+        history.latched("status", status(time * SECOND, state="running", commands_lost=lost))
+    history.latched("journal", entry(2, "weight_on_bit", 2 * SECOND, force=1.0))
+    history.latched("journal", entry(3, "drive", 3 * SECOND, enabled=False))
+    history.latched("journal", entry(4, "weight_on_bit", 4 * SECOND, force=8.0))
+    told = [(line["time"], line["kind"], line["text"]) for line in history.log()["log"]]
+    assert told[1:] == [
+        (1.0, "command", "drive 9 V at 1 kHz"),
+        (2.0, "fault", "commands lost: drive and weight on bit fall to 0"),
+        (4.0, "command", "weight on bit 8 N"),
+    ]
+
+
+def test_lost_messages_are_holes_of_their_topic(history):
+    hear(history, "reacting_force", SECOND, 5.0, 0)
+    history.sinks()["reacting_force"](ORIGIN + 3 * SECOND, (5.0, 0), 0)
+    history.settle({"reacting_force": 40})
+    signal = history.signal("reacting_force")
+    assert history.holes(signal) == [(1.0, 3.0)]
+    assert history.numbers(3.0)["reacting_force"]["lost"]
+    layer = history.view(0.0, 3.0, 100, {"reacting_force": "band"})["layers"]["reacting_force"]
+    assert layer["holes"] == [(1.0, 3.0)]
+    impact(history, 3 * SECOND, 100.0)
+    assert history.holes(history.signal("peak_force")) == []
+
+
+def test_the_rate_of_lost_impacts_is_that_of_the_counter(history):
+    hear(history, "reacting_force", 0, 5.0, 0)
+    for time in (1, 2, 3):
+        history.latched("status", status(time * SECOND, state="running", impacts=400 * time))
+    impact(history, 3 * SECOND // 2, 100.0)
+    shown = history.numbers(3.0)
+    assert shown["impact_rate"]["mean"] == pytest.approx(400.0, rel=0.06)
+    assert (shown["peak_force"]["mean"], shown["peak_force"]["lost"]) == (None, True)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from rpud_sim.drilling.rock import ROCKS, Strata, preset_layer
-from rpud_sim.viewer.bins import thinned
-from rpud_sim.viewer.history import rock_layers as layers
-from rpud_sim.viewer.history import well_log, with_gaps
+from rpud_sim.viewer.bins import thinned, with_gaps
+from rpud_sim.viewer.borehole import rock_layers as layers
+from rpud_sim.viewer.borehole import well_log
 
 VALUES = arrays.arrays(float, st.integers(0, 300), elements=st.floats(-1e9, 1e9))
 

@@ -28,7 +28,7 @@ SECONDS, RATE = 10, 12  # of the film: s, pictures a second
 JAMMED = 2 * RATE  # picture at which `rpud inject` starts
 # The film shows the section and two plots.
 _CROP = """() => {
-  const away = document.querySelectorAll(["header", "#alarms", "#numbers", "#motion", ".section p",
+  const away = document.querySelectorAll(["header", "#bar", "#numbers", "#motion", ".section p",
     "[data-plot=load]", ".strip", "#details"]);
   for (const each of away) each.style.setProperty("display", "none", "important");
   const desk = document.querySelector(".desk");

@@ -2,6 +2,7 @@
 /* Header of the screen: what the drill does, what is commanded, and what a reader can ask of it. */
 import { element, elements, make } from "./dom.js";
 import { inWords, numberText, valueText } from "./quantities.js";
+import { activeFaults, inContact } from "./state.js";
 
 const DONE = 1500; // for which a confirmed action is called so [ms]
 
@@ -17,11 +18,15 @@ export class Controls {
     this.refused = 0; // actions of this page that were not even asked of the drill
     /** @type {HTMLElement | null} */ this.last = null; // control that acted last
     /** @type {Map<string, HTMLElement>} */ this.alarms = new Map(); // rows by fault
-    /** @type {Record<string, number | undefined>} */ this.applied = {}; // commands in force, by the fields that change them
+    /** @type {Record<string, string>} */ this.written = {}; // what this page wrote last into a field; else a reader did
     this.weight = element("weight", HTMLInputElement);
     this.rate = element("rate", HTMLInputElement);
     for (const control of elements(".control.live")) control.append(make("output", { className: "outcome" }));
     for (const field of elements(".control.live input, .control.live select")) field.oninput = () => this.edited(field);
+    for (const field of [this.weight, this.rate]) {
+      field.onblur = () => this.drawState();
+      field.onkeydown = ({ key }) => { if (key === "Escape") (this.written[field.id] = field.value), field.blur(); };
+    }
     for (const button of elements("[data-nudge]")) {
       const field = /** @type {HTMLInputElement} */ (elements("input", button.parentElement ?? document)[0]);
       button.onclick = () => ((field.value = String(Number((Number(field.value) + Number(button.dataset.nudge)).toPrecision(9)))), this.edited(field));
@@ -81,9 +86,7 @@ export class Controls {
   }
 
   /** @param {HTMLElement | null} control @param {string} text @param {string} [state] */
-  write(control, text, state = text) {
-    for (const outcome of control ? elements(".outcome", control) : []) [outcome.textContent, outcome.dataset.state] = [text, state];
-  }
+  write(control, text, state = text) { for (const outcome of control ? elements(".outcome", control) : []) [outcome.textContent, outcome.dataset.state] = [text, state]; }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame what is new */
   draw(seen, frame) {
@@ -98,19 +101,16 @@ export class Controls {
   }
 
   drawState() {
-    const { status = {}, faults = [], numbers = {}, values = {}, timing = {} } = this.seen, { lost } = this;
-    const jammed = faults.some((fault) => this.isActive(fault) && fault.kind === "free_mass_jammed");
-    const runs = jammed ? "jammed" : status.drive_enabled === false ? "drive off" : status.regime;
-    const state = lost || (status.state === "running" ? runs : status.state ?? "");
-    element("state").dataset.state = element("doing").textContent = state;
-    const stands = status.state === "paused" || status.state === "stopped", known = Boolean(status.state);
+    const { status = {}, faults = [], numbers = {}, values = {}, timing = {} } = this.seen;
+    const stands = ["paused", "stopped"].includes(status.state), known = Boolean(status.state);
     const pressed = { plays: !stands, pauses: stands, on: status.drive_enabled, off: !status.drive_enabled,
       engages: status.regime !== "free", retracts: status.regime === "free" };
     for (const [id, is] of Object.entries(pressed)) element(id).ariaPressed = String(known && Boolean(is));
     const { feed_rate: rate, feed_position: place } = status, feeds = [rate, place].some(Number.isFinite); // with an arm the weight on bit follows from the feed
     [element("press").hidden, element("feed").hidden] = [feeds || Number.isFinite(status.mount_position), !feeds]; // or from the mount
     /** @type {Record<string, string>} */
-    const texts = {
+    const texts = { // a recording has no controls, but what was in force
+      "in-force": known ? `weight on bit ${valueText("weight_on_bit", status.weight_on_bit)} \u00b7 drive ${status.drive_enabled ? `${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}` : "off"} \u00b7 ${inContact(this.seen) ? "" : "not "}in the rock` : "",
       stands: stands ? "stands" : known ? "runs" : "",
       "weight-set": `set ${valueText("weight_on_bit", status.weight_on_bit)}`,
       "weight-actual": `reacting ${valueText("reacting_force", numbers.reacting_force?.mean)}`,
@@ -118,26 +118,28 @@ export class Controls {
       "feed-actual": `at ${valueText("feed", values.mount?.feed)}`,
       driven: `set ${valueText("drive_voltage", status.drive_voltage)}, ${valueText("drive_frequency", status.drive_frequency)}`,
       "drive-actual": `tip \u00b1${valueText("vibration_amplitude", status.vibration_amplitude)}`,
-      place: status.regime === "free" ? "not in the rock" : known ? "in the rock" : "",
+      place: !known ? "" : inContact(this.seen) ? "in the rock" : "not in the rock",
       factor: timing["real-time factor"] ? `\u00d7${Number(timing["real-time factor"]).toFixed(2)}` : "",
-      count: faults.length ? `${faults.filter((fault) => this.isActive(fault)).length} active` : "none",
+      count: faults.length ? `${activeFaults(this.seen).length} active` : "none",
     };
     for (const [id, text] of Object.entries(texts)) if (element(id).textContent !== text) element(id).textContent = text;
     this.follow(this.weight, status.weight_on_bit);
     if (Number.isFinite(rate)) this.follow(this.rate, rate * 1e3);
   }
 
-  /** Mark a field that says something else than what is in force; what a reader has typed stays.
+  /** Let a field follow what is in force. One that a reader edits is never written to: it has the focus, or
+   * differs from what was in force when its editing began. Escape gives it back.
    * @param {HTMLInputElement} field @param {number | undefined} value in force, in its unit */
   follow(field, value) {
     if (value === undefined || !Number.isFinite(value)) return;
-    value = Number(value.toPrecision(6));
-    if (this.applied[field.id] !== value) field.value = String(value);
-    this.applied[field.id] = value;
-    const control = field.closest("[data-of]"), differs = Number(field.value) !== value;
+    const text = String(Number(value.toPrecision(6))), own = document.activeElement === field || field.value !== (this.written[field.id] ?? field.value);
+    if (!own) field.value = text;
+    const differs = field.value !== "" && Number(field.value) !== Number(text), control = field.closest("[data-of]");
+    if (!differs && field.value) this.written[field.id] = field.value;
     field.classList.toggle("pending", differs);
-    if (control instanceof HTMLElement && !elements(".outcome", control)[0].textContent && differs) this.write(control, "not applied yet", "edited");
-    else if (control instanceof HTMLElement && elements(".outcome", control)[0].dataset.state === "edited" && !differs) this.write(control, "");
+    const [outcome] = control instanceof HTMLElement ? elements(".outcome", control) : [];
+    if (differs ? outcome?.textContent : outcome?.dataset.state !== "edited") return;
+    this.write(outcome.parentElement, differs ? "not applied yet" : "", differs ? "edited" : "");
   }
 
   /** @param {import("./frames.js").Outcome[]} outcomes */
@@ -173,32 +175,24 @@ export class Controls {
     magnitude.placeholder = numberText(size[1]);
   }
 
-  /** @param {import("./frames.js").Fault} fault */
-  isActive({ onset, end }) {
-    const { at = Infinity } = this.seen;
-    return onset <= at && (end === null || at < end);
-  }
-
-  /** A row for each fault that is active. */
+  /** A row for each fault that is active, and for lost commands. */
   drawAlarms() {
-    const { faults = [], at, now = 0 } = this.seen;
-    const active = faults.filter((fault) => this.isActive(fault));
+    const { at, now = 0, status, log = [] } = this.seen, active = activeFaults(this.seen), lost = log.findLast(({ text }) => text.startsWith("commands lost"));
+    if (status?.commands_lost) active.push({ number: 0, kind: "commands lost", channel: "", magnitude: 0, size: "", onset: lost?.time ?? now, end: null, active: true });
     const names = active.map(({ number, onset }) => `${number} ${onset}`);
     for (const [name, row] of this.alarms) if (!names.includes(name)) row.remove(), this.alarms.delete(name);
     active.forEach(({ number, kind, channel, size, onset }, place) => {
       let row = this.alarms.get(names[place]);
       if (!row) {
-        const clear = make("button", { type: "button", className: "live", textContent: "Clear", ariaLabel: `clear fault ${number}` });
-        clear.dataset.act = "clear";
-        clear.onclick = () => this.act(clear, { which: number });
+        const clear = make("button", { type: "button", className: "live", textContent: "Clear", ariaLabel: `clear fault ${number}`, hidden: !number });
+        clear.dataset.act = "clear", clear.onclick = () => this.act(clear, { which: number });
         const words = [make("b", { textContent: inWords(kind) }), channel && `on ${inWords(channel)}`];
         row = make("li", {}, make("span", {}, ...words.flatMap((each) => (each ? [each, " "] : []))),
           make("span", { textContent: size ? `magnitude ${size}` : "" }), make("span", { ariaHidden: "true" }), clear);
         this.alarms.set(names[place], row);
         element("alarms").append(row);
       }
-      const age = `for ${Math.max(0, Math.floor((at ?? now) - onset))} s, since ${onset.toFixed(2)} s`;
-      const told = row.children[2];
+      const age = `for ${Math.max(0, Math.floor((at ?? now) - onset))} s, since ${onset.toFixed(2)} s`, told = row.children[2];
       if (told.textContent !== age) told.textContent = age;
     });
   }

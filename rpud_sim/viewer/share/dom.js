@@ -10,9 +10,7 @@ export function element(id, type) {
 }
 
 /** @param {string} selector @param {ParentNode} within @returns {HTMLElement[]} */
-export function elements(selector, within = document) {
-  return Array.from(within.querySelectorAll(selector)).filter((each) => each instanceof HTMLElement);
-}
+export function elements(selector, within = document) { return Array.from(within.querySelectorAll(selector)).filter((each) => each instanceof HTMLElement); }
 
 /** Return a new element. @template {keyof HTMLElementTagNameMap} K @param {K} tag
  * @param {Partial<HTMLElementTagNameMap[K]>} [properties] @param {(Node | string)[]} children

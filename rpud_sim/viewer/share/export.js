@@ -1,6 +1,7 @@
 // @ts-check
 /* What the plots show, as a picture and as a table. */
 import { make } from "./dom.js";
+import { placeOf } from "./plots.js";
 import { colourOf, quantityOf } from "./quantities.js";
 
 const HEAD = 22; // height of a title in a picture [px]
@@ -15,12 +16,16 @@ function save(name, content) {
 /** Save the values in view: a row for each time, and columns with ends of bands.
  * @param {import("./plots.js").TimePlot[]} plots @param {import("./marks.js").Range} range @param {string} name of the file */
 export function saveCsv(plots, { start, end }, name) {
-  const layers = plots.flatMap((plot) => plot.shownLayers.map((layer) => ({ layer, known: plot.known(layer) })));
+  const layers = plots.flatMap((plot) => plot.shownLayers.map((layer) => ({ layer, known: plot.known(layer), band: plot.known(layer)?.band ?? plot.seen.view?.band ?? "" })));
   const heads = ["time [s]"];
-  const tables = layers.flatMap(({ layer: { quantity }, known }) => {
+  const tables = layers.flatMap(({ layer: { quantity, kind }, known, band }) => {
     if (!known?.t.length) return [];
-    const { label, unit, scale } = quantityOf(quantity);
-    const columns = Object.entries({ "": known.mean, least: known.low, greatest: known.high }).filter(([, values]) => values);
+    const { label, unit, scale } = quantityOf(quantity), ends = band.includes("%") ? ["5 %", "95 %"] : ["least", "greatest"];
+    if (kind === "steps") { // each lasts until the next one: also the first, which is of before
+      const { t: times, mean } = known, t = [start, ...Array.from(times).filter((time) => time > start && time < end), end];
+      known = { t, mean: t.map((time) => mean[placeOf(times, time)] ?? NaN) };
+    }
+    const columns = Object.entries({ "": known.mean, [ends[0]]: known.low, [ends[1]]: known.high }).filter(([, values]) => values);
     heads.push(...columns.map(([which]) => `"${[label.replaceAll('"', '""'), which].filter(Boolean).join(", ")}${unit && ` [${unit}]`}"`));
     return [[Array.from(known.t), ...columns.map(([, values]) => Array.from(values ?? [], (each) => each * scale))]];
   });

@@ -17,7 +17,7 @@ export class FrozenSource {
     this.moments = this.held.moments ?? [];
     this.shown = this.playhead = NaN; // time of the moment that is shown, and that was asked for
     this.number = 0;
-    queueMicrotask(() => (this.answer({ ...this.held, moments: undefined, view: undefined, mode: "frozen" }), onState(true, "")));
+    queueMicrotask(() => (this.answer({ ...this.held, moments: undefined, view: undefined, mode: "frozen", begin: this.moments[0]?.time }), onState(true, "")));
   }
 
   /** @param {Partial<Frame>} frame */

@@ -3,7 +3,8 @@
 import { LONG, clockText, colourOf, inWords, timeText } from "./quantities.js";
 
 /**
- * @typedef {Partial<import("./frames.js").Frame> & {mark?: number | null}} Seen what all frames of a run have said, and the second cursor
+ * @typedef {Partial<import("./frames.js").Frame> & {mark?: number | null, motion?: [number, number]}} Seen what all
+ *   frames of a run have said, the second cursor, and the time of the motion that is shown
  * @typedef {{start: number, end: number}} Range
  * @typedef {{zoom: (start: number, end: number) => void, look: (zoomed: Range | null) => void,
  *   point: (time: number | null) => void, click: (time: number) => void, move: (shift: number) => void,
@@ -28,14 +29,10 @@ export function axisOf(options) {
 }
 
 /** @param {HTMLElement} host of a plot */
-export function sizeOf(host) {
-  return { width: host.clientWidth || 300, height: host.clientHeight || 120 };
-}
+export function sizeOf(host) { return { width: host.clientWidth || 300, height: host.clientHeight || 120 }; }
 
 /** Let a plot fill its host, whose size may change. @param {uPlot} plot @param {HTMLElement} host @param {() => void} [then] */
-export function keepSize(plot, host, then) {
-  new ResizeObserver(() => (plot.setSize(sizeOf(host)), then?.())).observe(host);
-}
+export function keepSize(plot, host, then) { new ResizeObserver(() => (plot.setSize(sizeOf(host)), then?.())).observe(host); }
 
 /** @param {(number | null)[]} values of an axis, null for none @param {number} step between them @returns {string[]} */
 function tickTexts(values, step) {
@@ -47,7 +44,7 @@ function tickTexts(values, step) {
 
 /** @param {number[]} times of an axis [s] @param {number} step between them @returns {string[]} with their units */
 function timeTexts(times, step) {
-  if (step >= 1 && times[times.length - 1] >= LONG_RUN) return times.map((time) => clockText(time));
+  if (step >= 1 && times[times.length - 1] >= LONG_RUN) return times.map((time) => clockText(time, 0, true));
   if (step >= 0.01) return tickTexts(times, step).map((text) => `${text} s`);
   const whole = Math.floor(times[0] ?? 0), texts = tickTexts(times.map((time) => 1e3 * (time - whole)), 1e3 * step);
   return texts.map((text, place) => (whole ? `${place ? "" : `${whole} s `}+${text} ms` : `${text} ms`));
@@ -111,12 +108,11 @@ export function sharedCursor(listener) {
 }
 
 /** Return places of times in a plot, at most at its edges [px of the canvas]. @param {uPlot} plot @returns {(time: number) => number} */
-export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) {
-  return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width;
-}
+export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) { return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width; }
 
-/** Shade faults and hatch gaps, below the data. @param {uPlot} plot @param {Seen} seen */
-export function drawSpans(plot, seen) {
+/** Shade faults and the motion, and hatch where messages are missing, below the data.
+ * @param {uPlot} plot @param {Seen} seen @param {[number, number][]} holes of the plot's own messages */
+export function drawSpans(plot, seen, holes = []) {
   const { ctx, bbox } = plot;
   const place = placesOf(plot);
   for (const fault of seen.faults ?? []) {
@@ -126,7 +122,11 @@ export function drawSpans(plot, seen) {
     ctx.fillStyle = colourOf("fault", 0.7);
     if (from > bbox.left && from < bbox.left + bbox.width) ctx.fillRect(from, bbox.top, uPlot.pxRatio, bbox.height);
   }
-  for (const [begin, end] of seen.gaps ?? []) {
+  if (seen.motion) {
+    ctx.fillStyle = colourOf("mass", 0.35);
+    ctx.fillRect(place(seen.motion[0]), bbox.top, Math.max(place(seen.motion[1]) - place(seen.motion[0]), 2 * uPlot.pxRatio), bbox.height);
+  }
+  for (const [begin, end] of [...(seen.gaps ?? []), ...holes]) {
     const [from, to] = [place(begin), place(end)];
     ctx.save();
     ctx.beginPath();
@@ -163,7 +163,7 @@ export function drawTimes({ ctx, bbox, scales: { x: { min = 0, max = 1 } } }, ti
 /** Write at the upper edge what began when, where there is room. @param {uPlot} plot @param {Seen} seen */
 export function drawWords(plot, seen) {
   const { ctx, bbox } = plot;
-  const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
+  const faults = (seen.faults ?? []).map((fault) => ({ time: fault.onset, text: faultText(fault), colour: "fault" }));
   const words = [...faults, ...commandsOf(seen).map(({ time, text, kind }) => ({ time, text, colour: kind === "failure" ? "fault" : "command" }))];
   ctx.save();
   ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
@@ -180,15 +180,16 @@ export function drawWords(plot, seen) {
   ctx.restore();
 }
 
+/** @param {import("./frames.js").Fault} fault @returns {string} kind and channel */
+const faultText = ({ kind, channel }) => inWords(channel ? `${kind} on ${channel}` : kind);
+
 /** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands, resets and failures of a test; faults are shaded */
-export function commandsOf(seen) {
-  return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0));
-}
+export function commandsOf(seen) { return (seen.log ?? []).filter(({ kind, time }) => kind === "command" || kind === "failure" || (kind === "run" && time > 0)); }
 
 /** Return a time in words, with the commands and faults there.
  * @param {Seen} seen @param {number} time @param {number} span of the view [s] */
 export function wordsAt(seen, time, span) {
   const near = commandsOf(seen).filter((each) => Math.abs(each.time - time) < 0.006 * span);
   const faults = (seen.faults ?? []).filter((each) => each.onset <= time && time <= (each.end ?? Infinity));
-  return [timeText(time, span), ...near.slice(-3).map((each) => each.text), ...faults.map((each) => inWords(each.kind))].join(" \u00b7 ");
+  return [timeText(time, span), ...near.slice(-3).map((each) => each.text), ...faults.map(faultText)].join(" \u00b7 ");
 }

@@ -13,7 +13,7 @@ const motionStruck = (block) => block.impacts.map(([time, , length]) => time + (
 
 /** Draw the motion of the bodies into a figure. @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock */
 export function mountMotion(element, clock) {
-  const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of the last 20 ms", ariaValueMax: "0" });
+  const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of 20 ms", ariaValueMax: "0" });
   const cursor = make("div", { className: "cursor" }), dot = make("i"), title = make("figcaption"), unit = make("small");
   const outputs = MOTION_LINES.map(([, label, colour]) => {
     const entry = make("span", { className: "key" }), output = make("output", { ariaLive: "off" });
@@ -22,7 +22,8 @@ export function mountMotion(element, clock) {
     title.append(entry);
     return output;
   });
-  title.prepend(make("b", { textContent: "motion of the last 20 ms" }), unit);
+  const name = make("b"); // with its time: slow motion is of before
+  title.prepend(name, unit);
   cursor.append(dot);
   area.append(cursor);
   element.classList.add("plot", "motion");
@@ -47,8 +48,9 @@ export function mountMotion(element, clock) {
   }, [[], ...MOTION_LINES.map(() => [])], area);
 
   function draw() {
-    const { block } = clock, { scale, unit: name } = quantityOf("free_mass");
-    unit.textContent = name;
+    const { block } = clock, { scale, unit: text } = quantityOf("free_mass");
+    unit.textContent = text;
+    name.textContent = block ? `motion, ${block.time.toFixed(3)} to ${(block.time + clock.end).toFixed(3)} s` : "motion";
     const columns = MOTION_LINES.map(([body]) => columnOf(block?.[body], block?.free_mass.length ?? 0, scale));
     const known = /** @type {number[]} */ (columns.flat().filter((each) => each !== null));
     const [least, most] = known.reduce(([a, b], each) => [Math.min(a, each), Math.max(b, each)], [Infinity, -Infinity]);
@@ -63,17 +65,17 @@ export function mountMotion(element, clock) {
     Object.assign(ctx, { font: `${12 * ratio}px system-ui, sans-serif`, textBaseline: "middle", textAlign: "center", fillStyle: colourOf("text") });
     if (!block) ctx.fillText("no waveform yet", bbox.left + bbox.width / 2, bbox.top + bbox.height / 2);
     else if (block.impacts.length) ctx.fillText("kN", bbox.left - 14 * ratio, base - 6 * ratio);
-    const strongest = Math.max(...(block?.impacts ?? []).map(([, peak]) => peak || 0), 1), struck = block ? motionStruck(block) : [];
+    const { credible } = quantityOf("peak_force"), strongest = Math.max(...(block?.impacts ?? []).map(([, peak]) => (peak < credible ? peak : 0)), 1), struck = block ? motionStruck(block) : [];
     let free = bbox.left - 2 * ratio;
     ctx.fillStyle = colourOf("force");
     block?.impacts.forEach(([time, peak], each) => {
-      const x = valToPos((struck[each] - clock.end) * 1e3, "x", true), height = (peak / strongest) * (MOTION_FORCES - 16) * ratio;
+      const x = valToPos((struck[each] - clock.end) * 1e3, "x", true), height = (Math.min(peak / strongest, 1) || 0) * (MOTION_FORCES - 16) * ratio;
       ctx.fillRect(x - ratio, base - height, 2 * ratio, height);
       ctx.beginPath();
       const tool = block.drill_tool[Math.min(Math.round(time / block.period), block.drill_tool.length - 1)];
       ctx.arc(x, valToPos(tool * quantityOf("drill_tool").scale, "y", true), 2.5 * ratio, 0, 7);
       ctx.fill();
-      const text = peak ? (peak / 1e3)[peak < 50 ? "toPrecision" : "toFixed"](1) : "", half = ctx.measureText(text).width / 2;
+      const text = !peak ? "" : Math.abs(peak) > credible ? "garbage" : (peak / 1e3)[peak < 50 ? "toPrecision" : "toFixed"](1), half = ctx.measureText(text).width / 2;
       const middle = Math.min(Math.max(x, bbox.left + half), right - half);
       if (middle - half < free) return;
       ctx.fillText(text, middle, base - height - 7 * ratio);

@@ -24,9 +24,9 @@ export class Playhead {
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
-  draw({ mode, extent: [first, last] = [0, 0] }, { jump }) {
+  draw({ mode, extent: [first, last] = [0, 0], begin: from = first }, { jump }) {
     this.whole = [first, last];
-    const begin = Math.min(Math.max(this.wanted ?? first, first), last);
+    const begin = Math.min(Math.max(this.wanted ?? from, first), last); // of a report, where its first numbers are
     if (mode && mode !== "live" && !this.moved && begin !== this.time) this.seek(begin, false);
     if (!jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = jump;
@@ -46,9 +46,7 @@ export class Playhead {
   }
 
   /** Go to an impact. @param {"next" | "previous"} which */
-  jump(which) {
-    this.send({ seek: which, from: this.time });
-  }
+  jump(which) { this.send({ seek: which, from: this.time }); }
 
   toggle() {
     this.playing = this.playing ? 0 : performance.now();

@@ -86,9 +86,7 @@ export class TimePlot {
   }
 
   /** Layers that the reader has not hidden. */
-  get shownLayers() {
-    return this.choice.layers.filter(({ quantity }) => !this.hidden.has(quantity));
-  }
+  get shownLayers() { return this.choice.layers.filter(({ quantity }) => !this.hidden.has(quantity)); }
 
   /** Hide a quantity, or show it again. @param {string} quantity */
   hide(quantity) {
@@ -97,9 +95,7 @@ export class TimePlot {
   }
 
   /** @param {PlotLayer} layer */
-  colour(layer) {
-    return layer.colour || quantityOf(layer.quantity).colour;
-  }
+  colour(layer) { return layer.colour || quantityOf(layer.quantity).colour; }
 
   /** @returns {uPlot.Options} */
   options() {
@@ -131,7 +127,7 @@ export class TimePlot {
       },
       axes: [timeAxis(this.written), axisOf({ size: AXIS, gap: 6, space: 26 })],
       padding: [6, END, this.written ? 0 : 4, 0],
-      hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen)], draw: [(plot) => this.mark(plot)], setCursor: [(plot) => this.read(plot)] },
+      hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen, this.shownLayers.flatMap((layer) => this.known(layer)?.holes ?? []))], draw: [(plot) => this.mark(plot)], setCursor: [(plot) => this.read(plot)] },
     };
   }
 
@@ -175,7 +171,8 @@ export class TimePlot {
       for (const value of outliers?.v ?? []) values.push(value * scale);
     }
     const zero = this.choice.layers.some((layer) => quantityOf(layer.quantity).zero);
-    const [low, high] = axisRange(...clippedEnds(values), zero);
+    const { credible, scale } = quantityOf(this.choice.layers[0].quantity);
+    const [low, high] = axisRange(...clippedEnds(values, credible * scale), zero);
     const fits = before && before[0] <= low && high <= before[1] && high - low > SHRINK * (before[1] - before[0]);
     this.ends = fits ? before : [low, high];
   }
@@ -207,7 +204,7 @@ export class TimePlot {
     if (this.definition.id === "peak_force") drawWords(plot, this.seen);
     ctx.save();
     for (const layer of this.fitted) {
-      const { t, mean, low, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
+      const { t, mean, low, high, outliers, garbage } = this.known(layer) ?? { t: [], mean: [] };
       const { scale } = quantityOf(layer.quantity), { min = -Infinity, max = Infinity } = plot.scales.y;
       const beyond = [0, 0]; // values above and below the axis
       ctx.fillStyle = colourOf(this.colour(layer), 0.8);
@@ -220,8 +217,9 @@ export class TimePlot {
           if (below) this.arrow(ctx, x, plot.valToPos(min, "y", true), bbox);
           [beyond[0], beyond[1]] = [beyond[0] + Number(above), beyond[1] + Number(below)];
         }
+      for (const time of Array.from(garbage?.t ?? [])) this.arrow(ctx, plot.valToPos(time, "x", true), bbox.top, bbox);
       const [above, below] = beyond;
-      const texts = [above && `${above} above`, below && `${below} below`, outliers?.more && `${outliers.more} outliers not drawn`].filter(Boolean);
+      const texts = [garbage && `${garbage.count} garbage`, above && `${above} above`, below && `${below} below`, outliers?.more && `${outliers.more} outliers not drawn`].filter(Boolean);
       ctx.font = `${12 * ratio}px system-ui, sans-serif`;
       [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
       ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 16 * ratio);
@@ -294,14 +292,10 @@ export class PlotColumn {
   }
 
   /** Width of the area of data [px]. */
-  get width() {
-    return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END);
-  }
+  get width() { return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END); }
 
   /** Plots that are seen. */
-  get shown() {
-    return this.plots.filter(({ figure }) => !figure.hidden);
-  }
+  get shown() { return this.plots.filter(({ figure }) => !figure.hidden); }
 
   /** @param {Seen} seen @param {Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {

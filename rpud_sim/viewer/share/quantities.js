@@ -3,24 +3,18 @@
 
 const DIGITS = 3; // significant ones
 export const LONG = 1e9; // from here on a number has an exponent
-const CLIP = 0.999; // share of the values on each side at which an axis ends
-const CLIP_GARBAGE = 0.99; // the same, where some are garbage: others may be just as wrong
-const COMMON = 0.05; // of the values of the most frequent decade: so many make a decade a usual one
-const SCATTER = 5; // rare values in so many decades are garbage
-const WRONG = 1e7; // a rare value above this is garbage, too
+const USUAL = 0.999; // share of the values on each side that say how far an axis goes
+const DOUBTFUL = 0.99; // the same, where some are garbage: others may be just as wrong
+const BEYOND = 5; // times as far as usual: only values beyond are clipped
 /** @type {Map<string, import("./frames.js").Quantity>} */
 const table = new Map();
 
 /** @param {import("./frames.js").Quantity[]} list */
-export function setQuantities(list) {
-  for (const quantity of list) table.set(quantity.name, quantity);
-}
+export function setQuantities(list) { for (const quantity of list) table.set(quantity.name, quantity); }
 
 /** Return a quantity of the table, or one without a unit for the signal of another program.
  * @param {string} name @returns {import("./frames.js").Quantity} */
-export function quantityOf(name) {
-  return table.get(name) ?? { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };
-}
+export function quantityOf(name) { return table.get(name) ?? { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false, credible: 1e100 }; }
 
 /** Return a number with three significant digits, and with all of them before the point.
  * @param {number} value @param {boolean} keep zeros at the end, so that a number that changes keeps its length */
@@ -37,6 +31,7 @@ export function numberText(value, keep = false) {
 export function valueText(name, value, unit = true, keep = false) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "\u2013";
   const quantity = quantityOf(name);
+  if (Math.abs(value) > quantity.credible) return "garbage";
   const text = numberText(Math.abs(value) < quantity.floor ? 0 : value * quantity.scale, keep);
   return unit && quantity.unit ? `${text}\u00a0${quantity.unit}` : text;
 }
@@ -57,17 +52,16 @@ export function timeText(time, span) {
   return `${time.toFixed(places)}\u00a0s`;
 }
 
-/** Return a time of the run as hours, minutes and seconds. @param {number} time [s] @param {number} places of the seconds */
-export function clockText(time, places = 0) {
+/** Return a time of the run: in seconds, from ten minutes on as hours, minutes and seconds, as axes have it.
+ * @param {number} time [s] @param {number} places of the seconds */
+export function clockText(time, places = 0, long = time >= 600) {
+  if (!long) return `${time.toFixed(places)}\u00a0s`;
   const whole = Math.floor(time + 1e-9), two = (/** @type {number} */ value) => String(Math.floor(value)).padStart(2, "0");
-  const rest = places ? Math.max(time - whole, 0).toFixed(places).slice(1) : "";
-  return `${two(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}${rest}`;
+  return `${two(whole / 3600)}:${two((whole / 60) % 60)}:${two(whole % 60)}${places ? Math.max(time - whole, 0).toFixed(places).slice(1) : ""}`;
 }
 
 /** Return words of an identifier, such as a kind of fault. @param {string} name */
-export function inWords(name) {
-  return name.replaceAll("_", " ");
-}
+export function inWords(name) { return name.replaceAll("_", " "); }
 
 /** Return the least round number that is not below a value.
  * @param {number} value @param {number[]} digits that are round, in the order of their sizes */
@@ -76,21 +70,12 @@ export function roundUp(value, digits = [1, 2, 5]) {
   return power * (digits.find((each) => each * power >= value) ?? 10);
 }
 
-/** Return ends of values, without the outermost of each side, and without garbage: rare values far above the usual decades.
- * @param {number[]} values in the unit that is shown @returns {[number, number]} */
-export function clippedEnds(values) {
-  const finite = values.filter(Number.isFinite);
-  const decade = (/** @type {number} */ value) => Math.floor(Math.log10(Math.abs(value)));
-  /** @type {Map<number, number>} */ const counts = new Map();
-  for (const value of finite) if (value) counts.set(decade(value), (counts.get(decade(value)) ?? 0) + 1);
-  const most = Math.max(...counts.values());
-  const isUsual = (/** @type {[number, number]} */ [each, count]) => count > (10 ** each < WRONG ? COMMON : 0.5) * most || count === most;
-  const usual = Math.max(...[...counts].filter(isUsual).map(([each]) => each));
-  const rare = [...counts.keys()].filter((each) => each > usual + 1).length;
-  const limit = rare >= SCATTER ? 10 ** (usual + 2) : Math.max(WRONG, 10 ** (usual + 2));
-  const kept = finite.filter((value) => !value || Math.abs(value) < limit).sort((a, b) => a - b);
-  const last = kept.length - 1, share = kept.length < values.length ? CLIP_GARBAGE : CLIP;
-  return [kept[Math.floor((1 - share) * last)], kept[Math.ceil(share * last)]];
+/** Return ends of values, without what lies more than five times as far away as the usual ones.
+ * @param {number[]} values in the unit that is shown @param {number} most that is no garbage @returns {[number, number]} */
+export function clippedEnds(values, most = 1e100) {
+  const kept = values.filter((value) => Math.abs(value) <= most).sort((a, b) => a - b), last = kept.length - 1, share = kept.length < values.length ? DOUBTFUL : USUAL;
+  const [low, high] = [kept[Math.floor((1 - share) * last)], kept[Math.ceil(share * last)]], far = (BEYOND - 1) * (high - low) || Infinity;
+  return [kept[0] < low - far ? low : kept[0], kept[last] > high + far ? high : kept[last]];
 }
 
 /** Return ends of an axis that hold values, at multiples of a round step.

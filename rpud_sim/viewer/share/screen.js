@@ -14,6 +14,7 @@ import { PlotColumn } from "./plots.js";
 import { clockText, setQuantities, timeText } from "./quantities.js";
 import { mountSection } from "./section.js";
 import { SocketSource } from "./socket_source.js";
+import { inContact, stateOf } from "./state.js";
 import { Timeline } from "./timeline.js";
 
 const LEAST = 1e-6; // time in view [s]
@@ -50,6 +51,7 @@ class Screen {
     this.controls = new Controls((request) => this.source.send(request));
     this.details = new Details(element("details"), element("report"));
     this.playhead = new Playhead((request) => this.source.send(request), () => this.reveal());
+    this.clock.listen((changed) => changed && this.drawTime());
     this.recall();
     this.listen();
     const Source = elements("script.frame").length ? FrozenSource : SocketSource;
@@ -67,34 +69,30 @@ class Screen {
   get lost() {
     const { connection, mode } = this.seen;
     const state = mode === "live" && connection && connection.state !== "connected" ? connection.state : "";
-    return this.gone || this.age ? "not connected" : state;
+    return this.gone || this.age || this.seen.error ? "not connected" : state;
   }
 
-  /** Say it when data stop. */
+  /** Say what the drill does, or that data stop: also where nothing is drawn, as in a hidden tab. */
   watch() {
-    const stale = this.lost && this.lost !== "searching";
-    if (stale) document.documentElement.dataset.stale = "true";
-    else delete document.documentElement.dataset.stale;
+    document.documentElement.dataset.stale = String(Boolean(this.lost && this.lost !== "searching"));
     this.controls.lose(this.lost);
+    const { seen } = this, [word, why, tone] = stateOf(seen, this.lost), texts = { doing: word, why };
+    for (const [id, text] of Object.entries(texts)) if (element(id).textContent !== text) element(id).textContent = text;
+    element("state").dataset.tone = tone;
+    if (!this.past) document.title = [word, why && tone === "good" ? why : "", seen.drill, "rpud"].filter(Boolean).join(" \u2013 ");
     const age = Math.max((performance.now() - this.fresh) / 1e3, this.seen.silent ?? 0);
     element("age").textContent = this.seen.now === undefined ? "" : `data ${age < 10 ? age.toFixed(1) : Math.floor(age)} s old`;
     this.drawBanner();
   }
 
   /** Whether the screen shows a recording, which has a playhead. */
-  get past() {
-    return this.seen.mode !== undefined && this.seen.mode !== "live";
-  }
+  get past() { return this.seen.mode !== undefined && this.seen.mode !== "live"; }
 
   /** @returns {[number, number]} times of the whole run */
-  get extent() {
-    return this.seen.extent ?? [0, 1];
-  }
+  get extent() { return this.seen.extent ?? [0, 1]; }
 
   /** Whether the view is the newest part of a live drill. */
-  get follows() {
-    return !this.zoomed && !this.past && this.follow < Infinity;
-  }
+  get follows() { return !this.zoomed && !this.past && this.follow < Infinity; }
 
   /** @returns {import("./marks.js").Range} time in view */
   get range() {
@@ -103,9 +101,7 @@ class Screen {
   }
 
   /** Length of the time in view [s]. */
-  get span() {
-    return this.range.end - this.range.start;
-  }
+  get span() { return this.range.end - this.range.start; }
 
   // --- Frames ---
 
@@ -126,7 +122,8 @@ class Screen {
   take(frame) {
     this.heard = performance.now();
     if (frame.now !== undefined || this.seen.status?.state !== "running") this.fresh = this.heard;
-    requestAnimationFrame(() => (this.draw(frame), this.source.send({ ack: frame.number })));
+    const draw = () => (this.draw(frame), this.source.send({ ack: frame.number }));
+    document.hidden ? draw() : requestAnimationFrame(draw); // a hidden tab has no pictures, but a title
   }
 
   /** @param {import("./frames.js").Frame} frame */
@@ -147,10 +144,10 @@ class Screen {
     if (frame.moves !== undefined) document.documentElement.dataset.moves = String(frame.moves);
     if (frame.plots) this.plots.define(frame.plots);
     if (frame.drill !== undefined || frame.drills) this.drawDrills();
-    if (frame.status?.regime) this.section.setRegime(frame.status.regime);
+    if (frame.status || frame.values) this.section.setContact(inContact(seen));
     if (frame.hole !== undefined) this.section.setHole(frame.hole);
     this.drawMotion(frame);
-    if (frame.numbers) this.numbers.draw(frame.numbers);
+    if (frame.numbers) this.numbers.draw(frame.numbers, seen.hole);
     this.playhead.draw(seen, frame);
     seen.at = this.past ? this.playhead.time : undefined;
     document.documentElement.dataset.heard = String(seen.now !== undefined);
@@ -189,18 +186,16 @@ class Screen {
   }
 
   drawTime() {
-    const { seen, range, span } = this;
+    const { seen, range, span, clock: { block, end } } = this;
     const playhead = this.past ? this.playhead.time : null;
-    const live = seen.status?.state === "running" ? 0 : 3; // of a drill that stands, single steps are seen
+    seen.motion = block ? [block.time, block.time + end] : undefined;
+    const live = seen.status?.state === "running" ? 1 : 3; // of a drill that stands, single steps are seen
     element("time").textContent = clockText(playhead ?? seen.now ?? 0, this.past ? Math.min(9, Math.max(1, 2 - Math.floor(Math.log10(span)))) : live);
     element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
     for (const part of [this.plots, this.timeline]) part.draw(seen, range, playhead);
     for (const button of elements("#views button"))
       button.ariaPressed = String(!this.zoomed && Number(button.dataset.follow) === (this.past ? Infinity : this.follow));
     element("back", HTMLButtonElement).disabled = this.follows;
-    if (this.past) return;
-    const state = element("doing").textContent;
-    document.title = [state, seen.drill, "rpud"].filter(Boolean).join(" \u2013 ");
   }
 
   drawDrills() {
@@ -220,7 +215,6 @@ class Screen {
     const text = [state, read < 1 ? `${Math.floor(100 * read)} % of the bag is read.` : "", notice].filter(Boolean).join(" ");
     const banner = element("banner");
     if (banner.textContent !== text) banner.textContent = text;
-    banner.hidden = !text;
     banner.dataset.bad = String(Boolean(error || this.gone || late || lost?.state === "vanished"));
   }
 
@@ -281,14 +275,10 @@ class Screen {
   }
 
   /** @param {number} shift [s] */
-  move(shift) {
-    this.zoom(this.range.start + shift, this.range.end + shift);
-  }
+  move(shift) { this.zoom(this.range.start + shift, this.range.end + shift); }
 
   /** @param {number} time that was clicked at [s] */
-  click(time) {
-    if (this.past) this.playhead.seek(time);
-  }
+  click(time) { if (this.past) this.playhead.seek(time); }
 
   /** Set a second cursor, or remove it where it is. @param {number} time [s] */
   mark(time) {
@@ -296,6 +286,14 @@ class Screen {
     seen.mark = typeof seen.mark === "number" && !(Math.abs(seen.mark - time) > 0.01 * span) ? null : time;
     this.drawTime();
     this.point(this.pointed);
+  }
+
+  /** Move the cursor, and with it the values beside the lines. @param {number} share of the view */
+  step(share) {
+    const { range: { start }, span, pointed, plots: { shown: [{ plot }] } } = this;
+    const at = (Number.isFinite(pointed) ? pointed : this.past ? this.playhead.time : start + 0.5 * span) + share * span;
+    this.point(Math.min(Math.max(at, start), start + span));
+    plot?.setCursor({ left: plot.valToPos(this.pointed, "x"), top: 0 });
   }
 
   /** Keep the playhead in view. */
@@ -335,15 +333,13 @@ class Screen {
     drills.onchange = () => (location.search = String(new URLSearchParams({ namespace: drills.value })));
     /** @type {Record<string, () => void>} */
     const keys = {
-      ArrowLeft: () => this.move(-0.25 * this.span),
-      ArrowRight: () => this.move(0.25 * this.span),
-      "+": () => this.scale(1 / ZOOM),
-      "-": () => this.scale(ZOOM),
+      ArrowLeft: () => this.move(-0.25 * this.span), ArrowRight: () => this.move(0.25 * this.span),
+      "+": () => this.scale(1 / ZOOM), "-": () => this.scale(ZOOM),
       Home: () => this.look(null),
-      n: () => this.playhead.jump("next"),
-      p: () => this.playhead.jump("previous"),
+      n: () => this.playhead.jump("next"), p: () => this.playhead.jump("previous"),
       " ": () => this.playhead.toggle(),
       m: () => this.mark(Number.isFinite(this.pointed) ? this.pointed : this.past ? this.playhead.time : this.seen.now ?? 0),
+      ",": () => this.step(-0.01), ".": () => this.step(0.01),
       "?": () => element("keys").showPopover(),
     };
     document.addEventListener("keydown", (event) => {

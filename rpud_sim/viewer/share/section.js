@@ -2,7 +2,7 @@
 /* Section of the drill in slow motion. Bodies are a scheme; one factor magnifies all motions, and another
  * one what goes below the place of touch. Both apply to every body, so that bodies touch in the picture
  * where they touch in the data, and nowhere else. */
-import { roundUp } from "./quantities.js";
+import { roundUp, valueText } from "./quantities.js";
 
 /** A hole's `tip` is where an arm has put the bit, as a depth [m].
  * @typedef {{from: number, to: number | null, name: string, colour: number}} Stratum
@@ -18,7 +18,7 @@ const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1
 const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_mass", "drill_tool"]);
 const SECTION_TRACKS = /** @type {const} */ ([["torque", "N m", 1], ["rate", "mm/min", 6e4]]); // of the well log, right to left
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
-const SECTION_OFF = 2e-4, SECTION_ABOVE = 36; // distance of a bit that is off the rock [m], its greatest place above the face
+const SECTION_ABOVE = 36; // greatest place of a bit above the face
 const SECTION_ROUND = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8]; // digits of a depth and of a track
 const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
   "M3 4h.01M11 9h.01M6 13h.01M14 2h.01", "M-2 18L18 -2M-2 2L2 -2M14 18L18 14", "M0 .5H16M0 8.5H16M4 0V8M12 8V16",
@@ -125,7 +125,7 @@ export function mountSection(element, clock) {
 
   let ratio = 1, factor = 0, stepFactor = 0; // CSS pixels to a unit; magnification of motions, and below the place of touch
   let crushed = 0, bottom = SECTION_ROCK, bit = SECTION_ROCK; // height of the crushed rock, places of the hole's bottom and of the bit
-  let inRock = true, regime = "", drawn = "", told = -Infinity;
+  let inRock = true, touches = true, drawn = "", told = -Infinity;
   /** @type {Hole | null} */ let hole = null;
 
   const magnified = (/** @type {number} */ length, /** @type {number} */ by) => (length * by) / SECTION_PIXEL / ratio;
@@ -143,7 +143,7 @@ export function mountSection(element, clock) {
       [up, down] = [Math.max(up, -plane, -tip, -mass, -tool), Math.max(down, tip, mass, tool)];
       vibration = Math.max(vibration, Math.abs(tip - plane));
     });
-    inRock = hole && typeof hole.tip === "number" ? hole.tip > (hole.depth ?? 0) - SECTION_OFF : regime !== "free";
+    inRock = touches;
     const kept = (/** @type {number} */ now, /** @type {number} */ best) => (now <= best && now * 4 > best ? now : best);
     if (up > 1e-6) factor = kept(factor, Math.min(greatest(up, SECTION_UP), greatest(vibration, SECTION_STEP)));
     stepFactor = inRock ? kept(stepFactor, greatest(Math.max(down, 2e-5), SECTION_STEP)) : greatest(down, hole ? Math.max(bottom - bit, SECTION_STEP) : SECTION_DOWN);
@@ -236,7 +236,7 @@ export function mountSection(element, clock) {
       if (clock.place < time || age > SECTION_CHIPS) continue;
       if (age < SECTION_FLASH) {
         flash = 1 - age / SECTION_FLASH;
-        said = force ? `${(force / 1e3).toFixed(2)} kN` : "";
+        said = force ? valueText("peak_force", force) : "";
       }
       for (let chip = 0; inRock && contact && chip < 8; chip += 1) {
         // By chance, but the same whenever the same impact is shown.
@@ -278,7 +278,7 @@ export function mountSection(element, clock) {
   return {
     /** Show the hole. @param {Hole | null} value */
     setHole(value) { hole = value; scale(); },
-    /** Show the drill in the rock, or before it. @param {string} value `free` or `drilling` */
-    setRegime(value) { if (value !== regime) { regime = value; scale(); } },
+    /** Show the drill in the rock, or before it. @param {boolean} value */
+    setContact(value) { if (value !== touches) { touches = value; scale(); } },
   };
 }

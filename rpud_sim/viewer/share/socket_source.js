@@ -38,7 +38,5 @@ export class SocketSource {
   }
 
   /** Send a request; without a connection it is lost, and the page says so. @param {Record<string, any>} request */
-  send(request) {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
-  }
+  send(request) { if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request)); }
 }

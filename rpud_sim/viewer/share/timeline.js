@@ -38,8 +38,8 @@ export class Timeline {
   /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
-    const { t = [], mean = [], low = [], high = [], of = "" } = seen.timeline ?? {}, { label, unit, scale } = quantityOf(of);
-    this.ends = axisRange(...clippedEnds([mean, low, high].flatMap((values) => Array.from(values))), true);
+    const { t = [], mean = [], low = [], high = [], of = "" } = seen.timeline ?? {}, { label, unit, scale, credible } = quantityOf(of);
+    this.ends = axisRange(...clippedEnds([mean, low, high].flatMap((values) => Array.from(values)), credible), true);
     element("strip-of").textContent = of && `${label}, ${numberText(this.ends[0] * scale)} to ${numberText(this.ends[1] * scale)} ${unit}`;
     this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length, 1, this.ends))]);
   }
