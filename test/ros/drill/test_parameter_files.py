@@ -86,6 +86,37 @@ FILES = {
         {"seed": 31, "telemetry_rate": 100, "weight_on_bit": 10.0},
         "",
     ),
+    # As rcl's own files of tests: root_ns, wildcards, multi_ns, params_with_duplicates.
+    "the root namespace": (
+        "/:\n  left: {drill_node: {ros__parameters: {seed: 4}}}\n"
+        "  right/drill_node: {ros__parameters: {no_such: 1}}",
+        {"seed": 4},
+        "",
+    ),
+    "sections of all nodes twice": (
+        "/**:\n  ros__parameters: {seed: 1, gravity: 1.62}\n"
+        "/*/drill_node: {ros__parameters: {seed: 3}}\n"
+        "/**:\n  ros__parameters: {regime: free}\n",
+        {"seed": 3, "gravity": 1.62, "regime": "free"},
+        "",
+    ),
+    "a key twice in the section of another node": (
+        "controller:\n  ros__parameters:\n    path:\n      tolerance: 0.2\n      tolerance: 0.3\n"
+        "    gains: [1, 2]\n    gains: {p: 1}\n"
+        "/left/drill_node: {ros__parameters: {weight_on_bit: 12.5}}",
+        {"weight_on_bit": 12.5},
+        "",
+    ),
+    "a key of another node twice in a section of all": (
+        "/**: {ros__parameters: {arm: {gain: 1, gain: 2}, seed: 1}}",
+        {"seed": 1},
+        "arm.gain",
+    ),
+    "a key twice in its own section": (
+        "drill_node:\n  ros__parameters:\n    seed: 1\n    seed: 2\n",
+        ":4: seed stands twice in one section",
+        "",
+    ),
     "words of truth": (
         "/**: {ros__parameters: {drive_enabled: off, autostart: n, publish_clock: 'yes'}}",
         {"drive_enabled": False, "autostart": False, "publish_clock": True},
