@@ -90,9 +90,9 @@ Lines: TypeAlias = Mapping[Place, int]
 
 
 def _merged(node: Any, place: Place, repeated: set[Place]) -> None:
-    """Merge the values of duplicate keys, as ROS does: of two that are no mappings the later counts.
+    """Merge the values of duplicate keys, as ROS does: the later of two values counts.
 
-    The places of the latter are added to ``repeated``.
+    Mappings become one. The places of other values that come twice are added to ``repeated``.
     """
     if not isinstance(node, yaml.MappingNode):
         return

@@ -333,8 +333,8 @@ class ParameterFile:
 
     Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.
     Of two that fit the node the later one counts. A section that comes twice is one, and a key that
-    comes twice in it is a mistake only among the drill's own. One without a namespace fits the node in each.
-    A section for several nodes may have parameters of others.
+    comes twice in it is a mistake only among the drill's own. One without a namespace fits the node
+    in each. A section for several nodes may have parameters of others.
     """
 
     def __init__(self, path: str | Path, node: str) -> None:
