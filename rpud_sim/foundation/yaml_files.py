@@ -25,6 +25,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
 )
 from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.user_files import read_file
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
@@ -247,8 +248,7 @@ def open_yaml(
     """Return a cursor at the value of a file; ``merge`` accepts duplicate keys, as ROS does."""
     repeated: set[Place] | None = set() if merge else None
     try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_file(path, MOST_BYTES + 1)
     except (OSError, ValueError) as failure:  # a name with a null character is a ValueError
         reason = failure.strerror if isinstance(failure, OSError) else failure
         raise error(f"{path}: {reason}") from None

@@ -9,6 +9,7 @@ import signal
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from xml.etree import ElementTree
@@ -19,6 +20,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.foundation.user_files import open_file
 from rpud_sim.ros.environment import StartError, check_before_start
 from rpud_sim.ros.loopback import complete_environment
 
@@ -44,6 +46,12 @@ def start_ros(
             "ROS_SECURITY_ENABLE is true, but the ROS wheels are built without DDS-Security: "
             "use an installed ROS, or unset ROS_SECURITY_ENABLE"
         )
+    for word, file in pairwise(arguments):
+        if word == "--params-file" and os.path.exists(file):
+            try:
+                open_file(file).close()  # rcl would wait for a writer to a FIFO
+            except OSError as error:
+                raise StartError(f"{file}: {error.strerror}") from None
     try:
         remove_ros_args(list(arguments))  # rclpy.init would print a second line
     except RuntimeError as error:  # RCLError
