@@ -143,6 +143,9 @@ class Quantity:
         above = number > self.minimum if self.exclusive else number >= self.minimum
         under = number < self.maximum if self.below else number <= self.maximum
         unit = f" {self.unit}" if self.unit else ""
+        if isinstance(value, bool) or not isinstance(value, Real):
+            text = f"{name} = {shown(value)} is not a number; its range is {self.range}"
+            raise ParameterError(text)
         if not (math.isfinite(number) and above and under):
             plain = isinstance(value, Real) and not isinstance(value, int)
             text = f"{number:g}" if plain else shown(value)

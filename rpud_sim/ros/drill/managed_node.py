@@ -55,8 +55,8 @@ Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
 
 # What changes it while the drill runs, where a command does.
 _COMMANDED = {
-    "weight_on_bit": "; command it on command/weight_on_bit",
-    "drive_enabled": "; command it on command/drive",
+    "weight_on_bit": "; command it on command/weight_on_bit, as `rpud press {:g}` does",
+    "drive_enabled": "; command it on command/drive, as `rpud drive` does",
 }
 _NOT_INTEGERS = (Parameter.Type.DOUBLE, Parameter.Type.STRING)
 _FIXED = {*PARAMETERS, "use_sim_time"} - {*CHANGEABLE}  # while the drill is configured
@@ -231,7 +231,7 @@ class DrillParameters:
         for name in values if fixed else ():
             # The present value is no change: a dump of these parameters may be loaded.
             if name in _FIXED and self._differs(name, values):
-                reason = f"{name} {fixed}{_COMMANDED.get(name, '')}"
+                reason = f"{name} {fixed}{_COMMANDED.get(name, '').format(values[name])}"
         try:
             self.settings.replace({name: values[name] for name in values if name in PARAMETERS})
         except ParameterError as error:

@@ -76,7 +76,11 @@ def test_what_is_fixed_does_not_change_and_the_reason_names_it(running, name):
     drill, taken = running
     before = drill.get_parameter(name).value
     [result] = drill.set_parameters([Parameter(name, value=OTHER.get(name, True))])
-    command = "; command it on command/weight_on_bit" if name == "weight_on_bit" else ""
+    command = (
+        "; command it on command/weight_on_bit, as `rpud press 12` does"
+        if name == "weight_on_bit"
+        else ""
+    )
     assert (result.successful, result.reason) == (False, f"{name} is fixed now{command}")
     assert drill.get_parameter(name).value == before
     assert drill.set_parameters([Parameter(name, value=before)])[0].successful  # as in a dump

@@ -68,17 +68,17 @@ FILES = {
     ),
     "no number of base 60": (
         "/**:\n  ros__parameters:\n    weight_on_bit: 1:30\n",
-        ":3: weight_on_bit = '1:30' N is outside its range",
+        ":3: weight_on_bit = '1:30' is not a number; its range",
         "",
     ),
     "no number with underscores": (
         "/**: {ros__parameters: {weight_on_bit: 1_000}}",
-        ":1: weight_on_bit = '1_000' N is outside its range",
+        ":1: weight_on_bit = '1_000' is not a number; its range",
         "",
     ),
     "no binary number": (
         "/**: {ros__parameters: {seed: 0b11}}",
-        ":1: seed = '0b11' is outside its range",
+        ":1: seed = '0b11' is not a number; its range",
         "",
     ),
     "numbers of C": (
