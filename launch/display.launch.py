@@ -15,6 +15,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from rpud_sim.ros.launching import end_with
 from rpud_sim.ros.process import robot_description
 
 
@@ -45,6 +46,7 @@ def display(context: LaunchContext) -> list[Node]:
             parameters=[*settings, {"robot_description": ParameterValue(urdf, value_type=str)}],
             ros_arguments=log_level,
             output="screen",
+            on_exit=end_with("robot_state_publisher"),
         ),
         Node(
             package="rviz2",

@@ -3,19 +3,18 @@
 `record:=DIR` records its topics as well.
 """
 
-from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
-from launch.events.process import ProcessExited
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.ros.launching import end_with
 from rpud_sim.simulation.configuration import PARAMETERS
 
 DEFAULT = "drilling.yaml"
@@ -37,17 +36,6 @@ def parameter_files(context: LaunchContext) -> list[Path]:
             raise FileNotFoundError(f"{name}: there is no file {given}, {where}")
         files += found[:1]
     return files or [share / DEFAULT]
-
-
-def end_with(name: str) -> Callable[[ProcessExited, LaunchContext], list[Shutdown]]:
-    """End the launch with a node; only an exception gives a launch a nonzero exit code."""
-
-    def end(event: ProcessExited, context: LaunchContext) -> list[Shutdown]:
-        if event.returncode != 0:
-            raise RuntimeError(f"the {name} failed with exit code {event.returncode}")
-        return [Shutdown(reason=f"the {name} has ended")]
-
-    return end
 
 
 def warn_of_others(context: LaunchContext) -> None:

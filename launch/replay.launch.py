@@ -6,6 +6,8 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from rpud_sim.ros.launching import end_with
+
 
 def start_replayer(context: LaunchContext) -> list[Node]:
     """Return the replayer; a flag is given or left out, which no substitution can express."""
@@ -30,6 +32,7 @@ def start_replayer(context: LaunchContext) -> list[Node]:
             ],
             ros_arguments=["--log-level", LaunchConfiguration("log_level")],
             output="screen",
+            on_exit=end_with("replayer"),
         )
     ]
 

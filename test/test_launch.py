@@ -77,6 +77,8 @@ def test_nodes_are_executables_of_the_package_or_of_one_that_it_names(path):
     assert nodes
     for node in nodes:
         package = keyword(node, "package")
+        # Without it the launch goes on, and ends with 0, when the node has failed.
+        assert package == "rviz2" or any(word.arg == "on_exit" for word in node.keywords)
         if package == "rpud_sim":
             assert os.access(folder / keyword(node, "executable"), os.X_OK)
         else:
@@ -155,6 +157,13 @@ def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
     assert launched.wait() == 1
     assert "gravity = -1 m/s^2 is outside its range" in launched.output
     assert "the drill failed with exit code 2" in launched.output
+    assert left_behind(launched) == []
+
+
+def test_a_launch_whose_replayer_fails_fails(launch):
+    launched = launch("replay.launch.py", "bag:=/nonexistent")
+    assert launched.wait() == 1
+    assert "the replayer failed with exit code 1" in launched.output
     assert left_behind(launched) == []
 
 

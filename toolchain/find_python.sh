@@ -6,6 +6,9 @@ fail() {
   exit 1
 }
 
+case "$PWD" in
+  *[[:space:]:\;\"\'\\\$\#]*) fail "CMake and Python's environments cannot build in '$PWD': move the clone to a path without spaces and : ; \" ' \\ \$ #" ;;
+esac
 machine="$(uname -s) $(uname -m)"
 [ "$machine" = "Linux x86_64" ] || fail "needs Linux on x86-64, this is $machine"
 command -v "${CXX:-c++}" >/dev/null || fail "needs a C++ compiler: sudo apt install g++"

@@ -9,6 +9,7 @@
 #include <rpud_msgs/msg/command_results.hpp>
 #include <rpud_msgs/msg/reacting_force.hpp>
 #include <rpud_msgs/msg/weight_on_bit.hpp>
+#include <std_msgs/msg/header.hpp>
 
 using rpud_msgs::msg::CommandResults;
 using rpud_msgs::msg::ReactingForce;
@@ -38,16 +39,20 @@ private:
     }
     timer_->cancel();
     WeightOnBit message;
-    message.header.frame_id = get_name();  // command_results echoes the header
+    // command_results echoes the header. An earlier process may have had the same name, and its last
+    // results are latched: the stamp tells them apart.
+    message.header.frame_id = get_name();
+    message.header.stamp = now();
     message.force = weight_;
+    header_ = message.header;
     command_->publish(message);
   }
 
   void hear(const CommandResults & message)
   {
     for (const auto & result : message.results) {
-      if (result.header.frame_id != get_name()) {
-        continue;  // the command of somebody else
+      if (result.header != header_) {
+        continue;  // the command of somebody else, or an earlier one
       }
       if (result.accepted) {
         RCLCPP_INFO(get_logger(), "the drill presses with %.1f N", weight_);
@@ -70,6 +75,7 @@ private:
   }
 
   double weight_;  // on bit [N]
+  std_msgs::msg::Header header_;  // of the command
   double sum_ = 0.0;  // of the forces of this second [N]
   int count_ = 0;
   int second_ = 0;  // of the stamp

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.metadata import FILE_NAME, ReadMetadata, local_name, read_document
 from rpud_sim.bag.records import reading
+from rpud_sim.foundation.user_files import open_file
 from rpud_sim.messages.errors import BagFormatError, BagNotFoundError, OtherStorageError
 
 _UNPACK = "unpack it first: "
@@ -209,7 +210,7 @@ def _check_storage(file: Path) -> None:
     """Raise an OtherStorageError for a file that is known as none of MCAP."""
     if not file.is_file():
         return
-    with reading(file), file.open("rb") as stream:
+    with reading(file), open_file(file) as stream:
         head = stream.read(512)
     known = [each for mark, each in _OTHERS.items() if head.startswith(mark)]
     if head[_TAR_PLACE:].startswith(_TAR[0]):

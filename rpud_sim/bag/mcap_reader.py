@@ -23,6 +23,7 @@ from rpud_sim.bag.records import (
     split_records,
     uncompressed,
 )
+from rpud_sim.foundation.user_files import open_file
 from rpud_sim.messages.batch import LATEST, Batch
 from rpud_sim.messages.definitions import definition_of, full_name
 from rpud_sim.messages.errors import BagError, BagFormatError
@@ -74,9 +75,7 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         with reading(path):
-            if path.exists() and not path.is_file():  # to open a FIFO may take forever
-                raise BagFormatError(f"{path} is not a file")
-            self._stream = path.open("rb")
+            self._stream = open_file(path)
         try:
             with reading(path):
                 self._file = RecordFile(self._stream)

@@ -25,6 +25,7 @@ from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.user_files import read_file
 from rpud_sim.messages.definition_text import structure_of
 from rpud_sim.messages.errors import MALFORMED, BagFormatError, parsing
 
@@ -278,9 +279,10 @@ def metadata_from_document(text: str) -> ReadMetadata:
 
 
 def read_document(path: Path) -> ReadMetadata:
-    if path.stat().st_size > RECORD_LIMIT:
+    content = read_file(path, RECORD_LIMIT + 1)
+    if len(content) > RECORD_LIMIT:
         raise BagFormatError(f"it has more than {RECORD_LIMIT} bytes")
-    return metadata_from_document(path.read_text(encoding="utf-8"))
+    return metadata_from_document(content.decode("utf-8"))
 
 
 def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:

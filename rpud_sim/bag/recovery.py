@@ -50,6 +50,7 @@ from rpud_sim.bag.records import (
 from rpud_sim.bag.recovery_account import Recovery
 from rpud_sim.bag.writer import BagWriter, whole_bag
 from rpud_sim.foundation.json_text import json_text
+from rpud_sim.foundation.user_files import open_file
 from rpud_sim.messages.batch import LATEST
 from rpud_sim.messages.encoder import gathered, items
 from rpud_sim.messages.errors import (
@@ -136,7 +137,7 @@ class _TornFile:
     def recover(self, progress: Callable[[int], object]) -> bool:
         """Recover the file, and return whether it holds anything of an MCAP file."""
         expected, listed = self._read_summary()
-        with reading(self._path), self._path.open("rb") as stream:
+        with reading(self._path), open_file(self._path) as stream:
             self._file = file = RecordFile(stream)
             held = file.content(0, len(MAGIC)) == MAGIC
             offset, kind, ended = min(len(MAGIC), file.size), 0, False
@@ -211,7 +212,7 @@ class _TornFile:
         The first is empty if the section lacks something; of a damaged one nothing is declared.
         """
         try:
-            with reading(self._path), self._path.open("rb") as stream:
+            with reading(self._path), open_file(self._path) as stream:
                 found = summary_of(RecordFile(stream))
         except BagError:
             return {}, []

@@ -6,7 +6,6 @@ import dataclasses
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import logging_above
@@ -105,11 +104,12 @@ def _simulate(options: Any) -> dict[str, Any]:
 
 def _write_bag(options: Any, plan: Plan, report: Callable[[float], object]) -> dict[str, Any]:
     """Write the bag, and return the metrics of the same run."""
+    from rpud_sim.foundation.user_files import read_file
     from rpud_sim.recorded.offline_bag import write_offline_bag
     from rpud_sim.simulation.metrics import Metrics
 
     metrics, file = Metrics(), plan.beginning.settings.scenario
-    text = Path(file).read_text(encoding="utf-8") if file else ""
+    text = read_file(file).decode() if file else ""
     started = time.perf_counter()
     write_offline_bag(
         options.bag, plan, options.duration, text, report=report, on_block=metrics.add

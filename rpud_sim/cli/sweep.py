@@ -12,6 +12,7 @@ from rpud_sim.cli.program import ExitCode, print_result
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import printable, table
+from rpud_sim.foundation.user_files import named_errors, open_file
 from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
@@ -54,7 +55,8 @@ def _sweep(options: Any) -> int:
     with whole_file(out) if out else nullcontext() as unfinished:  # before the work
         frame = sweep(rows, options.duration, int(options.seeds))
         if out and unfinished:
-            _write(frame, unfinished, out.suffix)
+            with named_errors(out):
+                _write(frame, unfinished, out.suffix)
     files = [options.out] if out else []
     if options.plots:
         files += [str(path) for path in _plots(frame, Path(options.plots))]
@@ -84,7 +86,8 @@ def _read(path: str | None) -> list[dict[str, Any]]:
     if path is None:
         return [{}]
     try:
-        frame = pandas.read_csv(path)
+        with open_file(path) as file:
+            frame = pandas.read_csv(file)
     except ValueError as error:
         raise ParameterError(f"{path}: {' '.join(str(error).split())}") from None
     return [

@@ -151,6 +151,11 @@ class Quantity:
         above = number > self.minimum if self.exclusive else number >= self.minimum
         under = number < self.maximum if self.below else number <= self.maximum
         unit = f" {self.unit}" if self.unit else ""
+        is_number = isinstance(value, Real) and not isinstance(value, bool)
+        if not is_number:
+            raise ParameterError(
+                f"{name} = {shown(value)} is not a number; its range is {self.range}"
+            )
         if not (math.isfinite(number) and above and under):
             plain = isinstance(value, Real) and not isinstance(value, int)
             text = f"{number:g}" if plain else shown(value)

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from rpud_sim.foundation.user_files import named_errors
+
 # Suffix of the name of a file until it is complete
 UNFINISHED = ".unfinished"
 
@@ -53,5 +55,5 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file that appears when it is complete."""
-    with whole_file(path) as unfinished:
+    with named_errors(path), whole_file(path) as unfinished:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)

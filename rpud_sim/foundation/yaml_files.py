@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -25,6 +25,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
 )
 from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.user_files import read_file
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
@@ -89,8 +90,34 @@ Place: TypeAlias = tuple[str | int, ...]
 Lines: TypeAlias = Mapping[Place, int]
 
 
-def _read_yaml(text: str) -> tuple[Any, Lines]:
-    """Return the value of a text, and the line of each key and entry, from 1 on."""
+def _merged(node: Any, place: Place, repeated: set[Place]) -> None:
+    """Merge the values of duplicate keys, as ROS does: the later of two values counts.
+
+    Mappings become one. The places of other values that come twice are added to ``repeated``.
+    """
+    if not isinstance(node, yaml.MappingNode):
+        return
+    found: dict[str, tuple[Any, Any]] = {}
+    for key, value in node.value:
+        name = str(key.value)
+        before = found.get(name, (key, None))[1]
+        if isinstance(before, yaml.MappingNode) and isinstance(value, yaml.MappingNode):
+            before.value += value.value
+            continue
+        if before is not None:
+            repeated.add((*place, name))
+        found[name] = (key, value)
+    node.value = list(found.values())
+    for name, (_, value) in found.items():
+        if len(place) <= _DEEPEST:  # deeper ones are refused
+            _merged(value, (*place, name), repeated)
+
+
+def _read_yaml(text: str, repeated: set[Place] | None = None) -> tuple[Any, Lines]:
+    """Return the value of a text, and the line of each key and entry, from 1 on.
+
+    With ``repeated`` duplicate keys are merged, and their places added to it.
+    """
     lines: dict[Place, int] = {}
 
     def visit(node: Any, place: Place, line: int) -> None:
@@ -108,6 +135,8 @@ def _read_yaml(text: str) -> tuple[Any, Lines]:
         loader = _Loader(text)
         if (whole := loader.get_single_node()) is None:
             return None, {(): 1}
+        if repeated is not None:
+            _merged(whole, (), repeated)
         visit(whole, (), whole.start_mark.line + 1)
         return loader.construct_document(whole), lines
     except (yaml.YAMLError, *_PYYAML_ERRORS) as error:
@@ -134,6 +163,7 @@ class Cursor:
     lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
+    repeated: Set[Place] = frozenset()  # places of keys that stand twice, of which the later counts
 
     @property
     def prefix(self) -> str:
@@ -212,25 +242,27 @@ class Cursor:
         return dataclasses.replace(self, value=value, name=name, place=(*self.place, str(key)))
 
 
-def open_yaml(path: str | Path, *, error: type[ValueError] = ParameterError) -> Cursor:
-    """Return a cursor at the value of a file."""
+def open_yaml(
+    path: str | Path, *, error: type[ValueError] = ParameterError, merge: bool = False
+) -> Cursor:
+    """Return a cursor at the value of a file; ``merge`` accepts duplicate keys, as ROS does."""
+    repeated: set[Place] | None = set() if merge else None
     try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_file(path, MOST_BYTES + 1)
     except (OSError, ValueError) as failure:  # a name with a null character is a ValueError
         reason = failure.strerror if isinstance(failure, OSError) else failure
         raise error(f"{path}: {reason}") from None
     if len(content) > MOST_BYTES:
         raise error(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
     try:
-        value, lines = _read_yaml(content.decode("utf-8"))
+        value, lines = _read_yaml(content.decode("utf-8"), repeated)
     except UnicodeDecodeError as failure:
         line = content.count(b"\n", 0, failure.start) + 1
         byte = f"0x{content[failure.start]:02x}"
         raise error(f"{path} is not YAML: line {line}: the byte {byte} is not UTF-8") from None
     except ParameterError as failure:
         raise error(f"{path} {failure}") from None
-    return Cursor(value, str(path), error, lines)
+    return Cursor(value, str(path), error, lines, repeated=repeated or frozenset())
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:

@@ -285,7 +285,10 @@ class Engine:
         room[count - 1 : count].view(np.uint8)[:] = self._open_segment.view(np.uint8)
         struck, self._written, self._struck = self._impact_room[: self._struck], 0, 0
         if self._shared:
-            return room[:count], struck
+            # As joined ones are: a kernel is compiled again for an array that may be written.
+            covering = room[:count]
+            covering.flags.writeable = struck.flags.writeable = False
+            return covering, struck
         impacts = join_records([struck], IMPACT)
         given = 2 * count > len(room)
         if given:  # the room itself: to copy it would take longer than to allocate the next one

@@ -9,6 +9,7 @@ import signal
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from xml.etree import ElementTree
@@ -19,19 +20,13 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from rpud_sim.foundation.options import DOMAIN
-from rpud_sim.foundation.quantities import ExpectedError
+from rpud_sim.foundation.user_files import open_file
+from rpud_sim.ros.environment import StartError, check_before_start
 from rpud_sim.ros.loopback import complete_environment
 
 LONGEST_END = 20.0  # of a node that has stopped, on a busy machine too [s]
 _WITHOUT_LOG = ("--ros-args", "--disable-external-lib-logs")
 _WHEEL = "ros-fastrtps"
-
-
-class StartError(ExpectedError, RuntimeError):
-    """Start of ROS that is not possible as requested; the message is one line."""
-
-    code = 2
 
 
 def start_ros(
@@ -44,19 +39,24 @@ def start_ros(
     Where ROS cannot write its log file it writes none, with a warning.
     """
     complete_environment(os.environ)
+    check_before_start(os.environ, domain_id)
     # Without a keystore, rcl would start all the same, and everything would be sent in the clear.
     if os.environ.get("ROS_SECURITY_ENABLE") == "true" and not _has_security():
         raise StartError(
             "ROS_SECURITY_ENABLE is true, but the ROS wheels are built without DDS-Security: "
             "use an installed ROS, or unset ROS_SECURITY_ENABLE"
         )
+    for word, file in pairwise(arguments):
+        if word == "--params-file" and os.path.exists(file):
+            try:
+                open_file(file).close()  # rcl would wait for a writer to a FIFO
+            except OSError as error:
+                raise StartError(f"{file}: {error.strerror}") from None
     try:
         remove_ros_args(list(arguments))  # rclpy.init would print a second line
     except RuntimeError as error:  # RCLError
         reason = str(error).partition(", at ")[0]
         raise StartError(f"ROS arguments that cannot be used: {reason}") from error
-    if domain_id is None and (given := os.environ.get("ROS_DOMAIN_ID", "")).isdecimal():
-        DOMAIN.check("ROS_DOMAIN_ID", int(given))  # DDS would print lines of its own
     unwritable = _why_no_log(os.environ)
     try:
         rclpy.init(

@@ -331,12 +331,13 @@ class ParameterFile:
     """Parameters that a ROS parameter file has for a node, by its full name.
 
     Sections are read as ROS reads them: a name, ``/**`` or names with ``*``, or nested namespaces.
-    Of two that fit the node the later one counts. One without a namespace fits the node in each.
-    A section for several nodes may have parameters of others.
+    Of two that fit the node the later one counts. A section that comes twice is one, and a key that
+    comes twice in it is a mistake only among the drill's own. One without a namespace fits the node
+    in each. A section for several nodes may have parameters of others.
     """
 
     def __init__(self, path: str | Path, node: str) -> None:
-        whole = open_yaml(path)
+        whole = open_yaml(path, merge=True)
         if whole.value is None:  # an empty file is one for no node, as for ROS
             whole = dataclasses.replace(whole, value={})
         sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
@@ -362,6 +363,8 @@ class ParameterFile:
                 self.of_ros.append(str(name))
             elif several and name not in _PARAMETERS:
                 self.foreign.extend(_names_in(str(name), each.value))
+            elif each.place in each.repeated:  # ROS takes the later one, of a mistake
+                raise each.error(f"{name} stands twice in one section")
             else:
                 kept[name] = each.value
         return dataclasses.replace(cursor, value=kept)
@@ -405,7 +408,8 @@ def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
         if key == "ros__parameters":
             yield name, each
         else:
-            yield from _sections(each, f"{name}/{key}" if name else str(key))
+            separator = "" if not name or name.endswith("/") else "/"
+            yield from _sections(each, f"{name}{separator}{key}")
 
 
 def _check_types(cursor: Cursor) -> None:

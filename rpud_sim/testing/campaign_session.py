@@ -15,6 +15,7 @@ import pytest
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.user_files import read_file
 from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.testing.errors import DrillError, ExpectationUndecidedError, LostMessagesError
 from rpud_sim.testing.item_drills import give_back_drills, take_drill
@@ -112,8 +113,7 @@ class CampaignSession:
         if file_path.suffix not in (".yaml", ".yml"):
             return None
         try:
-            with file_path.open("rb") as file:
-                content = file.read(_LONGEST + 1)
+            content = read_file(file_path, _LONGEST + 1)
         except OSError:
             return None
         if len(content) > _LONGEST or not all(re.search(key, content, re.M) for key in _KEYS):

@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.ros.environment import StartError
 from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.processes import DrillProcess
 
@@ -28,6 +29,8 @@ def check_ros() -> None:
             f"a drill of a test needs ROS 2 Jazzy ({error}): pip install 'rpud_sim[ros]', or "
             "source /opt/ros/jazzy/setup.bash and the workspace with rpud_msgs"
         ) from None
+    except StartError as error:
+        raise DrillError(f"a drill of a test needs ROS 2 Jazzy: {error}") from None
 
 
 class DrillPool:

@@ -128,7 +128,7 @@ def test_what_is_no_file_is_not_waited_for(tmp_path):
     path = write_bag(tmp_path / "run")
     (path / "run_0.mcap").unlink()
     os.mkfifo(path / "run_0.mcap")
-    with pytest.raises(BagFormatError, match=r"run_0\.mcap is not a file"):
+    with pytest.raises(BagError, match=r"run_0\.mcap: is not a regular file"):
         rpud_sim.bag.open(path)
     with pytest.raises(BagError, match="there is no MCAP file"):
         recover(path, tmp_path / "out")

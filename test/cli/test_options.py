@@ -47,7 +47,7 @@ def test_the_defaults_of_the_command_line_are_those_of_the_options():
     ("make", "words", "complaint"),
     [
         (replay, ["--start=-0.1"], "--start = -0.1 s is outside its range [0, 1e+09] s"),
-        (replay, ["--rate", "fast"], "--rate = 'fast' is outside its range (0, 1e+06]"),
+        (replay, ["--rate", "fast"], "--rate = 'fast' is not a number; its range is (0, 1e+06]"),
         (replay, ["--clock=-inf"], "--clock = -inf Hz is outside its range (0, 10000] Hz"),
         (record, ["--max-loss", "nan"], "--max-loss = nan s is outside its range [1e-09, 1e+09] s"),
         (record, ["--max-disk", "1.5"], "--max-disk = 1.5 bytes is not a whole number"),

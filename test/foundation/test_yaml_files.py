@@ -84,7 +84,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     assert refusal(open_yaml, missing) == f"{missing}: No such file or directory"
     assert refusal(open_yaml, tmp_path) == f"{tmp_path}: Is a directory"
     assert refusal(open_yaml, "a\0b").endswith("embedded null byte")
-    assert refusal(open_yaml, "/dev/zero").startswith("/dev/zero is longer than")
+    assert refusal(open_yaml, "/dev/zero").endswith("/dev/zero: is not a regular file")
 
 
 TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]

@@ -2,6 +2,9 @@
 
 import os
 import pickle
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -133,3 +136,30 @@ def test_a_processor_without_one_instruction_has_kernels_of_its_own(missing):
     assert target.cpu == "old"
     assert target.features == features
     assert missing in target.lacking
+
+
+SHIPPED = """
+import sys
+from pathlib import Path
+from rpud_sim.model.compile import STORE
+STORE.folders = Path(sys.argv[1]), Path(sys.argv[2])
+from rpud_sim.cli.main import execute
+short = ["simulate", "--duration", "0.05"]
+for words in (["--seed", "3"], ["--repeat", "2"], ["--bag", "bag"], ["--regime", "free"]):
+    assert execute([*short, *words]) == 0
+assert execute(["verify", "bag"]) == 0
+assert execute(["fork", "bag", "--at", "0.02", "--out", "other"]) == 0
+print("compiled:", STORE.written)
+"""
+
+
+def test_no_command_compiles_what_the_installed_kernels_should_have(tmp_path):
+    """In two processes: this one may have compiled what is missing in the folder."""
+    shipped, words = tmp_path / "shipped", {"cwd": tmp_path, "capture_output": True, "text": True}
+    gathered = [sys.executable, "-m", "toolchain.precompile", "--into", str(shipped)]
+    root = Path(__file__).parents[2]
+    subprocess.run(gathered, check=True, cwd=root, capture_output=True)
+    call = [sys.executable, "-c", SHIPPED, str(shipped), str(tmp_path / "own")]
+    done = subprocess.run(call, check=False, **words)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("compiled: []\n")

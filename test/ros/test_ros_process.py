@@ -13,7 +13,7 @@ import pytest
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.process import StopRequest, start_ros
+from rpud_sim.ros.process import StartError, StopRequest, start_ros
 
 SECURITY = {"ROS_SECURITY_ENABLE": "true"}
 
@@ -90,6 +90,12 @@ def test_a_domain_that_cannot_be_is_refused_in_one_line(monkeypatch):
         ParameterError, match=r"^ROS_DOMAIN_ID = 300 is outside its range \[0, 232\]$"
     ):
         start_ros()
+
+
+def test_a_parameter_file_that_is_a_fifo_is_refused_without_waiting(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(StartError, match=f"^{tmp_path}/fifo: is not a regular file$"):
+        start_ros(["--ros-args", "--params-file", str(tmp_path / "fifo")])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

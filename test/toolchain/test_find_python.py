@@ -37,6 +37,15 @@ def test_finds_the_python_outside_the_virtual_environment():
     assert_python_outside(result)
 
 
+@pytest.mark.parametrize("name", ["my drill", "a;b", "it's", "tab\there"])
+def test_a_path_that_cmake_cannot_build_in_is_refused_in_one_line(tmp_path, name):
+    (tmp_path / name).mkdir()
+    result = subprocess.run([SCRIPT], cwd=tmp_path / name, capture_output=True, text=True)
+    assert (result.returncode, result.stdout) == (1, "")
+    [line] = result.stderr.splitlines()
+    assert f"cannot build in '{tmp_path / name}': move the clone to a path without spaces" in line
+
+
 def test_goes_on_to_the_next_candidate(tmp_path):
     path = command(tmp_path, "python-broken", "exit 127")
     result = find_python(PATH=path, PYTHON=f"python-none python-broken {sys.executable}")

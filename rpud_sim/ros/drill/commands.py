@@ -137,7 +137,6 @@ class Inbox:
         self._logger = logger
         self._waiting: deque[tuple[int, Command, Fields]] = deque()
         self._results: deque[Fields] = deque(maxlen=_MOST_RESULTS)  # not published yet
-        self._results_changed = False
         self._counting = threading.Lock()
         self._second = 0
         self._logged = 0
@@ -153,7 +152,6 @@ class Inbox:
             for _, _, result in self._waiting:
                 result["reason"] = "the drill began again before it could act"
                 self._results.append(result)
-            self._results_changed = True
             self.accepted = 0  # commands that acted, since the start
             self.rejected = 0  # commands that were refused
             self.discarded = len(self._waiting)  # commands that were overwritten before they acted
@@ -217,12 +215,11 @@ class Inbox:
     def take_results(self) -> tuple[list[Fields], list[Fields]] | None:
         """Return the last results of each kind before, and the new ones; None if there are none."""
         with self._counting:
-            if not (self._results or self._results_changed):
+            if not self._results:  # an empty message would be the first that a late node gets
                 return None
             repeated, new = list(self._latest.values()), list(self._results)
             self._latest.update({(each["kind"], each["accepted"]): each for each in new})
             self._results.clear()
-            self._results_changed = False
             return repeated, new
 
     def publish_results(self, publishers: DrillPublishers, stamp: int, prefix: str) -> None:

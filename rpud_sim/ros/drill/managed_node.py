@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import (
     FloatingPointRange,
+    IntegerRange,
     ParameterDescriptor,
     ParameterType,
     SetParametersResult,
@@ -54,9 +55,10 @@ Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
 
 # What changes it while the drill runs, where a command does.
 _COMMANDED = {
-    "weight_on_bit": "; command it on command/weight_on_bit",
-    "drive_enabled": "; command it on command/drive",
+    "weight_on_bit": "; command it on command/weight_on_bit, as `rpud press {:g}` does",
+    "drive_enabled": "; command it on command/drive, as `rpud drive` does",
 }
+_NOT_INTEGERS = (Parameter.Type.DOUBLE, Parameter.Type.STRING)
 _FIXED = {*PARAMETERS, "use_sim_time"} - {*CHANGEABLE}  # while the drill is configured
 
 
@@ -130,11 +132,12 @@ class ManagedNode(LifecycleNode):
     def _change(self, message: ParameterMessage) -> Parameter | None:
         """Return what is to be set, None for the present value of what is read-only.
 
-        A whole number, and a text such as 1e-06, becomes a number where one is expected.
+        A whole number, and a text such as 1e-06, becomes a number where one is expected, and a
+        number without a fraction a whole one.
         """
-        name, number = message.name, message.value.type
-        if number > ParameterType.PARAMETER_STRING_ARRAY:
-            raise ParameterError(f"{shown(name)} has the type {number}, which is none")
+        name, kind = message.name, message.value.type
+        if kind > ParameterType.PARAMETER_STRING_ARRAY:
+            raise ParameterError(f"{shown(name)} has the type {kind}, which is none")
         if not self.has_parameter(name):
             hint = did_you_mean(name, self.list_parameters([], 0).names)
             raise ParameterError(f"parameter {shown(name)} is unknown; {hint}")
@@ -146,6 +149,13 @@ class ManagedNode(LifecycleNode):
         if expected == Parameter.Type.DOUBLE and like_number:
             with suppress(ValueError):
                 given = Parameter(name, value=float(given.value))
+        if expected == Parameter.Type.INTEGER and given.type_ in _NOT_INTEGERS:
+            with suppress(ValueError):
+                number = float(given.value)
+                whole = int(number) if number.is_integer() else number
+                given = Parameter(name, value=whole)
+            if given.type_ == Parameter.Type.DOUBLE and name in PARAMETERS:
+                PARAMETERS[name].allowed.check(name, given.value)
         if name in PARAMETERS and given.type_ == expected:
             PARAMETERS[name].allowed.check(name, given.value)  # rclpy's error has no unit
         if given.type_ != expected and not descriptor.dynamic_typing:
@@ -221,7 +231,7 @@ class DrillParameters:
         for name in values if fixed else ():
             # The present value is no change: a dump of these parameters may be loaded.
             if name in _FIXED and self._differs(name, values):
-                reason = f"{name} {fixed}{_COMMANDED.get(name, '')}"
+                reason = f"{name} {fixed}{_COMMANDED.get(name, '').format(values[name])}"
         try:
             self.settings.replace({name: values[name] for name in values if name in PARAMETERS})
         except ParameterError as error:
@@ -275,7 +285,7 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
         node.get_logger().warning(line)
     for declaration in PARAMETERS.values():
         value = settings.value(declaration.name)
-        if isinstance(declaration.allowed, Quantity):
+        if isinstance(declaration.allowed, Quantity) and not declaration.allowed.whole:
             value = float(value)
         # Of the checked value alone: rclpy's error at an override of another type names less.
         node.declare_parameter(
@@ -294,8 +304,13 @@ def _descriptor(declaration: Declaration) -> ParameterDescriptor:
         if unit := allowed.unit or ("" if allowed.whole else "1"):
             descriptor.description += f" [{unit}]"
         descriptor.additional_constraints = f"in {allowed.range}"
-        limits = FloatingPointRange(from_value=allowed.minimum, to_value=allowed.maximum)
-        descriptor.floating_point_range = [limits]
+        least, most = allowed.minimum, allowed.maximum
+        if allowed.whole:
+            whole = IntegerRange(from_value=int(least), to_value=int(most), step=1)
+            descriptor.integer_range = [whole]
+        else:
+            limits = FloatingPointRange(from_value=float(least), to_value=float(most))
+            descriptor.floating_point_range = [limits]
     if not declaration.changeable:
         descriptor.additional_constraints += "; fixed while the drill is configured"
     return descriptor

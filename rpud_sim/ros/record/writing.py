@@ -175,7 +175,9 @@ class WritingThread(threading.Thread):
         self._until_check -= size
         if self._until_check <= 0:
             self._until_check = _CHECKED_SIZE
-            if shutil.disk_usage(self._bag.path).free < self._min_free:
+            # What waits in memory, and all until the next look, will take space, too.
+            ahead = self._bag.closed_size - self._bag.size + _CHECKED_SIZE
+            if shutil.disk_usage(self._bag.path).free - ahead < self._min_free:
                 return (
                     f"the disk of {self._bag.path} has less than --min-free {self._min_free} bytes"
                 )

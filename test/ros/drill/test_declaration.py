@@ -58,15 +58,17 @@ def test_every_parameter_is_declared_with_its_value_and_description_and_what_is_
         if not isinstance(allowed, Quantity):
             assert constraints == allowed.range
             continue
-        assert descriptor.type == ParameterType.PARAMETER_DOUBLE, name
+        integer, double = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
+        assert descriptor.type == (integer if allowed.whole else double), name
         unit = {"seed": "", "thread_priority": ""}.get(name, f" [{allowed.unit or '1'}]")
         assert descriptor.description == allowed.description + unit
         assert constraints == f"in {allowed.range}"
-        [limits] = descriptor.floating_point_range
+        [limits] = [*descriptor.integer_range, *descriptor.floating_point_range]
+        assert bool(descriptor.integer_range) == allowed.whole
         assert (limits.from_value, limits.to_value) == (allowed.minimum, allowed.maximum)
 
 
-OTHER = {"weight_on_bit": 12.0, "telemetry_rate": 200.0, "scenario": "s.yaml", "autostart": False}
+OTHER = {"weight_on_bit": 12.0, "telemetry_rate": 200, "scenario": "s.yaml", "autostart": False}
 
 
 @pytest.mark.parametrize("name", [*OTHER, "use_sim_time"])
@@ -74,7 +76,11 @@ def test_what_is_fixed_does_not_change_and_the_reason_names_it(running, name):
     drill, taken = running
     before = drill.get_parameter(name).value
     [result] = drill.set_parameters([Parameter(name, value=OTHER.get(name, True))])
-    command = "; command it on command/weight_on_bit" if name == "weight_on_bit" else ""
+    command = (
+        "; command it on command/weight_on_bit, as `rpud press 12` does"
+        if name == "weight_on_bit"
+        else ""
+    )
     assert (result.successful, result.reason) == (False, f"{name} is fixed now{command}")
     assert drill.get_parameter(name).value == before
     assert drill.set_parameters([Parameter(name, value=before)])[0].successful  # as in a dump

@@ -65,3 +65,17 @@ def test_a_configuration_that_fails_leaves_no_publisher_behind(node, tmp_path):
         drill.stop()
     finally:
         drill.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("value", "set_to"),
+    [(7, 7), (7.0, 7), ("7", 7), (7.5, "seed = 7.5 is not a whole number"), (-2.0, "its range")],
+)
+def test_a_whole_number_is_an_integer_and_a_number_without_a_fraction_is_one(nodes, value, set_to):
+    nodes.append(DrillNode())
+    result = nodes[-1]._set_together([Parameter("seed", value=value).to_parameter_msg()])
+    assert result.successful == isinstance(set_to, int)
+    if result.successful:
+        assert repr(nodes[-1].get_parameter("seed").value) == repr(set_to)
+    else:
+        assert set_to in result.reason

@@ -68,22 +68,53 @@ FILES = {
     ),
     "no number of base 60": (
         "/**:\n  ros__parameters:\n    weight_on_bit: 1:30\n",
-        ":3: weight_on_bit = '1:30' N is outside its range",
+        ":3: weight_on_bit = '1:30' is not a number; its range",
         "",
     ),
     "no number with underscores": (
         "/**: {ros__parameters: {weight_on_bit: 1_000}}",
-        ":1: weight_on_bit = '1_000' N is outside its range",
+        ":1: weight_on_bit = '1_000' is not a number; its range",
         "",
     ),
     "no binary number": (
         "/**: {ros__parameters: {seed: 0b11}}",
-        ":1: seed = '0b11' is outside its range",
+        ":1: seed = '0b11' is not a number; its range",
         "",
     ),
     "numbers of C": (
         "/**: {ros__parameters: {seed: 0x1F, telemetry_rate: 0144, weight_on_bit: 1e1}}",
         {"seed": 31, "telemetry_rate": 100, "weight_on_bit": 10.0},
+        "",
+    ),
+    # As rcl's own files of tests: root_ns, wildcards, multi_ns, params_with_duplicates.
+    "the root namespace": (
+        "/:\n  left: {drill_node: {ros__parameters: {seed: 4}}}\n"
+        "  right/drill_node: {ros__parameters: {no_such: 1}}",
+        {"seed": 4},
+        "",
+    ),
+    "sections of all nodes twice": (
+        "/**:\n  ros__parameters: {seed: 1, gravity: 1.62}\n"
+        "/*/drill_node: {ros__parameters: {seed: 3}}\n"
+        "/**:\n  ros__parameters: {regime: free}\n",
+        {"seed": 3, "gravity": 1.62, "regime": "free"},
+        "",
+    ),
+    "a key twice in the section of another node": (
+        "controller:\n  ros__parameters:\n    path:\n      tolerance: 0.2\n      tolerance: 0.3\n"
+        "    gains: [1, 2]\n    gains: {p: 1}\n"
+        "/left/drill_node: {ros__parameters: {weight_on_bit: 12.5}}",
+        {"weight_on_bit": 12.5},
+        "",
+    ),
+    "a key of another node twice in a section of all": (
+        "/**: {ros__parameters: {arm: {gain: 1, gain: 2}, seed: 1}}",
+        {"seed": 1},
+        "arm.gain",
+    ),
+    "a key twice in its own section": (
+        "drill_node:\n  ros__parameters:\n    seed: 1\n    seed: 2\n",
+        ":4: seed stands twice in one section",
         "",
     ),
     "words of truth": (

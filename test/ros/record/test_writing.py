@@ -146,3 +146,15 @@ def test_what_does_not_fit_is_counted_for_its_topic_until_there_is_room(intake):
     intake.put(message())
     intake.put(message(b"1"))
     assert (intake.accepted, intake.refused) == (4, {TALK.name: 3})
+
+
+def test_a_small_free_space_is_kept_for_what_is_written_until_the_next_look(writing, monkeypatch):
+    least = 64 * 2**20
+    monkeypatch.setattr(
+        "rpud_sim.ros.record.writing.shutil.disk_usage",
+        lambda path: SimpleNamespace(free=least + 2**20),
+    )
+    with writing() as run:
+        run.put(message())
+        assert run.failure() == "None"
+    assert "has less than --min-free" in run.thread.refusal

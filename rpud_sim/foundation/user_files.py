@@ -1,0 +1,50 @@
+"""Files that a user names: only regular ones are opened, and each error has the path."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import BinaryIO
+
+# A FIFO would wait for a writer, perhaps one that took the file's place after the first look.
+_READ = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
+
+
+@contextmanager
+def named_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Give each OSError the path: those of reading and writing an open file have none."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and error.filename is None:
+            error.filename = os.fspath(path)
+        raise
+
+
+def open_file(path: str | os.PathLike[str]) -> BinaryIO:
+    """Open a regular file for reading; anything else, as a FIFO or a device, is an OSError."""
+    with named_errors(path):
+        _check(os.stat(path), path)
+        descriptor = os.open(path, _READ)
+        try:
+            _check(os.fstat(descriptor), path)
+            return open(descriptor, "rb")
+        except BaseException:
+            os.close(descriptor)
+            raise
+
+
+def read_file(path: str | os.PathLike[str], most: int = -1) -> bytes:
+    """Return the content of a regular file, or its first bytes, ``most`` of them."""
+    with named_errors(path), open_file(path) as file:
+        return file.read(most)
+
+
+def _check(its: os.stat_result, path: str | os.PathLike[str]) -> None:
+    if stat.S_ISDIR(its.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
+    if not stat.S_ISREG(its.st_mode):
+        raise OSError(errno.EINVAL, "is not a regular file", os.fspath(path))
