@@ -39,6 +39,7 @@ class RecordedTopic(FollowedTopic):
         super().__init__(node, name, message_class(type_name), RECORDING_DEPTH)
         self.declared = False  # whether the bag has its declaration
         self.further_types: set[str] = set()  # of the topic, which are not recorded
+        self.received_until = 0  # log time of the last message [ns]
         self.damaged = 0  # messages that were damaged
         self.renewals = 0  # subscriptions that were renewed as a publisher was silent
         self._numbered = True  # whether the middleware numbers messages

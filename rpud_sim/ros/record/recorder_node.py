@@ -30,7 +30,7 @@ from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, node_name
 from rpud_sim.ros.options import RecordOptions
-from rpud_sim.ros.record.log_clock import LogClock
+from rpud_sim.ros.record.log_clock import LogClock, ReceptionTime
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
 
@@ -75,6 +75,7 @@ class Recorder(Node):
         self.taken = 0  # messages that were received
         self.suppressed = 0  # errors that data from the network raised
         self.clock = LogClock()
+        self.reception = ReceptionTime()
         if options.use_sim_time:
             self.clock.use_simulation()
         self._ticks: Subscription | None = self.create_subscription(
@@ -167,11 +168,12 @@ class Recorder(Node):
     def receive(self) -> float:
         """Hand messages to the intake; return the time up to which it has all [ns], or inf."""
         self._note_standstill()
-        began, done = time.time_ns(), inf
+        began, done = self.reception.now(), inf
         for data, info in taken(self._ticks) if self._ticks is not None else ():
             with self.guard(f"a message of {CLOCK}"):
                 tick = deserialize_message(data, Clock).clock
-                self.clock.add(info["received_timestamp"], join_seconds(tick.sec, tick.nanosec))
+                came, _ = self.reception.of(info["received_timestamp"], 0, 0)
+                self.clock.add(came, join_seconds(tick.sec, tick.nanosec))
         for topic in self.topics.values():
             with self.guard(f"a message of {topic.name}"):
                 done = min(done, self._receive(topic))
@@ -183,7 +185,7 @@ class Recorder(Node):
 
     def receive_all(self) -> None:
         """Hand the intake all that has arrived until now."""
-        until = time.time_ns()
+        until = self.reception.now()
         while self.receive() <= until:
             pass
 
@@ -283,11 +285,14 @@ class Recorder(Node):
         room, received = _BATCH_SIZE, inf
         for data, info in taken(topic.subscription, room):
             room -= 1
-            received = info["received_timestamp"]
-            if min(info["source_timestamp"], received) > self._end:
+            received = topic.received_until
+            if min(info["source_timestamp"], info["received_timestamp"]) > self._end:
                 continue
             message = topic.accept(data, info, counts=not self.intake.paused)
             if message is not None:
+                received, sent = self.reception.of(*message[1:3], topic.received_until)
+                topic.received_until = received
+                message = message._replace(log_time=received, publish_time=sent)
                 self._declare(topic, received=True)
                 self._batch.append(message)
         return inf if room else received
