@@ -6,10 +6,12 @@ import os
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import astuple, dataclass, replace
 from itertools import chain
 from typing import NamedTuple
+
+import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
@@ -42,6 +44,7 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVE
 _TAIL = 2 * SECOND
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _MOST_SUSPECTS = 10_000  # kept of a topic: further ones show nothing that these do not
+_OF_BEFORE = ("waveform", "trajectory")  # whose stamps are those of their first samples
 _END = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 _COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
 
@@ -66,6 +69,7 @@ class Counts:
     different: int = 0  # in at least one bit
     missing: int = 0  # computed between two recorded ones, and not in the bag
     unexpected: int = 0  # in the bag, and not computed
+    head: int = 0  # computed before its first recorded one, when the bag held other topics
     tail: int = 0  # computed after the last recorded one, while the recording went on
     before: int = 0  # in the bag, of before the journal begins: not compared
 
@@ -87,8 +91,13 @@ class Verification:
 
     @property
     def proved(self) -> bool:
-        """Whether every message is what the simulation gives, and none is missing at the end."""
-        return not (self.first_difference or self.undecided or self.total.tail)
+        """Whether every message is what the simulation gives, and none is missing."""
+        return not (self.first_difference or self.undecided or self.lacking)
+
+    @property
+    def lacking(self) -> int:
+        """Messages that the simulation gives, and that the bag lacks."""
+        return self.total.head + self.total.missing + self.total.tail
 
     @property
     def total(self) -> Counts:
@@ -109,11 +118,11 @@ def verify(
             found, failure = _verified(bag, report), None
         except (RecordingError, BagFormatError) as error:
             found, failure = None, error
-    if found is None or not found.proved or found.total.missing:
+    if found is None or not found.proved:
         # The clock may have been set back: then log times have another order than the messages.
         with suppress(RecordingError, BagFormatError), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # those of the bag have been said
-            with ReceivedOrder(path) as shifted:
+            with closing(ReceivedOrder(path)) as shifted:
                 if shifted.set_back and _more_equal(other := _verified(shifted, report), found):
                     return other
     if failure is not None:
@@ -218,12 +227,12 @@ class _Proof:
     def _compare(self) -> dict[str, _TopicProof]:
         computed = TopicStreams(self._computed)
         recorded = TopicStreams(lambda topics: by_run(self._runs, self._bag.batches(topics)))
-        complete = _complete_from(self._bag, self._runs)
+        began, complete = _began(self._bag, self._runs), _complete_from(self._bag, self._runs)
         proofs, readers = {}, []
         for name, codec in self._codecs.items():
             full = self._runs[0].topic(name)
             streams = computed.stream(full), recorded.stream(full)
-            proofs[name] = _TopicProof(self._runs, complete)
+            proofs[name] = _TopicProof(self._runs, began, complete)
             cursors = [StreamHead(stream, codec) for stream in streams]
             readers.append((proofs[name].compare(*cursors), streams))
         try:
@@ -317,10 +326,12 @@ class _Suspect(NamedTuple):
 class _TopicProof:
     """Comparison of one topic's computed messages with its recorded ones."""
 
-    def __init__(self, runs: Sequence[RecordedRun], complete_from: tuple[int, int]) -> None:
+    def __init__(
+        self, runs: Sequence[RecordedRun], began: tuple[int, int], complete_from: tuple[int, int]
+    ) -> None:
         self.counts = Counter[str]()  # as of ``Counts``
         self.suspects: list[_Suspect] = []
-        self._runs, self._complete_from = runs, complete_from
+        self._runs, self._began, self._complete_from = runs, began, complete_from
         self._missing = 0  # computed messages skipped since the last recorded one
 
     def compare(self, computed: StreamHead, recorded: StreamHead) -> Iterator[None]:
@@ -336,7 +347,10 @@ class _TopicProof:
             elif step.second is not None:
                 self._pair(step.first, step.second)
             elif recorded.head() is not None:
-                self._missing += 1
+                run = self._runs[step.first.run - 1]  # which may have been killed
+                self._missing += step.first.publish_time + run.origin <= run.computed_until
+                if not self._matched and (step.first.run, step.first.stamp) >= self._began:
+                    self.counts["head"] += 1
                 yield
             elif self._is_after_the_end(step.first):
                 return
@@ -390,10 +404,31 @@ class _TopicProof:
             self.suspects.append(_Suspect(found, recorded.run, recorded.publish_time))
 
 
+def _began(bag: BagReader, runs: Sequence[RecordedRun]) -> tuple[int, int]:
+    """Return run and stamp from which on messages are missing at the head of a topic [ns]."""
+    readers = {
+        name: reader
+        for name, reader in progress_readers(bag, runs[0].prefix).items()
+        if not TOPICS[short := name.removeprefix(runs[0].prefix)].latched
+        and short not in _OF_BEFORE
+    }
+    shown = [_run_and_stamp(runs, f) for _, f in recorded_progress(bag, readers, 0, _TOPIC_DELAY)]
+    number, stamp = min(shown, default=(len(runs) + 1, 0))
+    if not 1 <= number <= len(runs):
+        return number, stamp
+    # Of the block in which the recording began, a topic may have come and another not.
+    block = SECOND // max(1, int(runs[number - 1].parameters.get("telemetry_rate", 1)))
+    at_start = stamp - runs[number - 1].origin <= block
+    return number, 0 if at_start else stamp + block
+
+
+def _run_and_stamp(runs: Sequence[RecordedRun], found: np.ndarray) -> tuple[int, int]:
+    return sum(run.window[0] <= found["published"][0] for run in runs), int(found["stamp"][0])
+
+
 def _complete_from(bag: BagReader, runs: Sequence[RecordedRun]) -> tuple[int, int]:
     """Return run and stamp from which on a bag should hold a topic that it holds at all [ns]."""
     readers = progress_readers(bag, runs[0].prefix)
     for _, found in recorded_progress(bag, readers, _TOPIC_DELAY):
-        number = sum(run.window[0] <= found["published"][0] for run in runs)
-        return number, int(found["stamp"][0])
+        return _run_and_stamp(runs, found)
     return len(runs) + 1, 0
