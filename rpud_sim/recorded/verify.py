@@ -165,6 +165,7 @@ class _Proof:
         self.differences: list[MessageDifference] = []
         self.undecided = ""
         self.simulated = 0
+        self._counted = Counter[int]()  # simulated time, by the number of the run [ns]
         self.warnings: list[str] = []
         self._bag, self._runs, self._report = bag, runs, report
         first = runs[0]
@@ -248,17 +249,14 @@ class _Proof:
         prefix = self._runs[0].prefix
         names = {topic.removeprefix(prefix) for topic in topics}
         for run in self._runs:
-            counted = 0
             # A block may end later.
             end = run.end if run.ended else run.end + _TAIL
             for batch in run.computed(end, names):
                 block = batch.serialized(self._codecs[batch.topic])
                 yield replace(block, topic=prefix + batch.topic)
-                time = int(batch.publish_times[-1])
-                if time - counted >= SECOND:
-                    self._count(time - counted)
-                    counted = time
-            self._count(end - counted)
+                if (time := int(batch.publish_times[-1])) >= self._counted[run.number] + SECOND:
+                    self._count(run, time)
+            self._count(run, run.end)
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
@@ -282,9 +280,13 @@ class _Proof:
                     f"bag holds {count}"
                 )
 
-    def _count(self, simulated: int) -> None:
-        self.simulated += simulated
-        self._report(simulated / SECOND)
+    def _count(self, run: RecordedRun, time: int) -> None:
+        """Count what is simulated up to a time [ns], once though a stream may need its own pass."""
+        simulated = min(time, run.end) - self._counted[run.number]
+        if simulated > 0:
+            self._counted[run.number] += simulated
+            self.simulated += simulated
+            self._report(simulated / SECOND)
 
 
 def _proof_codec(summary: TopicSummary) -> Codec:

@@ -310,6 +310,12 @@ def test_a_topic_that_falls_silent_and_returns_is_missing_in_between(longer_bag,
 HELD = ("journal", "status", "faults", "wrench", "contact_force", "waveform")
 
 
+def test_a_stream_that_needs_a_pass_of_its_own_adds_no_simulated_time(longer_bag, monkeypatch):
+    once = verify(longer_bag).simulated
+    monkeypatch.setattr("rpud_sim.recorded.streams._MOST_WAITING", 0)
+    assert verify(longer_bag).simulated == once
+
+
 def streamed_bag(path, rate, duration, start, silent=()):
     """Record a drill whose weight on bit is a ramp, from a start on [s].
 
