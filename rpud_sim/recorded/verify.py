@@ -416,8 +416,9 @@ def _began(bag: BagReader, runs: Sequence[RecordedRun]) -> tuple[int, int]:
     }
     shown = [_run_and_stamp(runs, f) for _, f in recorded_progress(bag, readers, 0, _TOPIC_DELAY)]
     number, stamp = min(shown, default=(len(runs) + 1, 0))
-    if not 1 <= number <= len(runs):
-        return number, stamp
+    forked = bool(runs[0].manifest and runs[0].manifest.forked_from)
+    if forked or not 1 <= number <= len(runs):  # a fork begins within a block, as it should
+        return len(runs) + 1, 0
     # Of the block in which the recording began, a topic may have come and another not.
     block = SECOND // max(1, int(runs[number - 1].parameters.get("telemetry_rate", 1)))
     at_start = stamp - runs[number - 1].origin <= block
