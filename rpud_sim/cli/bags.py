@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rpud_sim.recorded.compare import Comparison
     from rpud_sim.recorded.verify import Verification
 
-_COUNTS = ("equal", "different", "unexpected", "missing", "tail", "before")  # of messages
+_COUNTS = ("equal", "different", "unexpected", "head", "missing", "tail", "before")  # of messages
 _FORMATS = ("parquet", "csv")
 _RATE = Quantity("Hz", "of the samples", 1.0, 1e9, whole=True)  # time is whole nanoseconds
 
@@ -143,10 +143,13 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     "verify",
     "bags/first",
     "run a bag's simulation again and compare every message, bit for bit",
-    "Exit codes: 0 proved, 3 a message differs or, with --strict, is missing, 1 it cannot be "
-    "decided or messages are missing at the end, 2 usage error.",
+    "Exit codes: 0 proved, or incomplete and each message equal, 3 a message differs or, with "
+    "--strict, is missing, 1 it cannot be decided or messages are missing at the end, "
+    "2 usage error.",
     BAG,
-    strict=option(False, "exit code 3 also if messages are missing between recorded ones"),
+    strict=option(
+        False, "exit code 3 also if messages are missing before or between recorded ones"
+    ),
 )
 def _verify(options: Any) -> int:
     from rpud_sim.recorded.verify import verify
@@ -166,9 +169,10 @@ def _verify(options: Any) -> int:
         "warnings": list(found.warnings),
     }
     print_result(options, content, lambda: _verification_lines(found))
-    if found.proved:
-        return ExitCode.INCOMPLETE if options.strict and found.total.missing else ExitCode.DONE
-    return ExitCode.INCOMPLETE if difference else ExitCode.FAILED
+    if found.undecided or found.total.tail:
+        return ExitCode.INCOMPLETE if difference else ExitCode.FAILED
+    wrong = difference or (options.strict and found.lacking)
+    return ExitCode.INCOMPLETE if wrong else ExitCode.DONE
 
 
 def _verification_lines(found: Verification) -> Iterator[str]:
@@ -193,18 +197,17 @@ def _verification_lines(found: Verification) -> Iterator[str]:
         if each.tail:
             shown = printable(name, LONGEST_NAME)
             yield f"{shown}: {each.tail} messages are missing at the end, while the drill went on"
-    equal = f"{total.equal} messages are equal bit for bit"
-    if found.proved:
-        since = cell(found.begins and found.begins / SECOND, ".9f", "")
-        since = since and f" from {since} s on, where its journal begins"
-        verdict = f"proved{since}: {equal}"
-        verdict += f", and {total.missing} are missing" if total.missing else ""
-    elif difference:
+    since = cell(found.begins and found.begins / SECOND, ".9f", "")
+    since = since and f" from {since} s on, where its journal begins"
+    if difference:
         verdict = "not proved: it differs"
     elif found.undecided:
         verdict = f"not decided: {found.undecided}"
+    elif found.lacking:
+        count = f"{total.equal:,} of {total.equal + found.lacking:,} messages"
+        verdict = f"incomplete{since}: {count} were recorded, each equal"
     else:
-        verdict = f"not proved: {equal}, and {total.tail} are missing"
+        verdict = f"proved{since}: {total.equal} messages are equal bit for bit"
     yield f"{verdict}, {found.simulated / SECOND:.3f} s simulated again"
 
 

@@ -29,6 +29,7 @@ JOURNAL = TOPICS["journal"].type
 
 _MOST_ENTRIES = 2_000_000  # of a journal, twice as many as a drill keeps
 _END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
+_TWO_WAYS = SECOND // 10  # longest time between the two publishing times of one entry [ns]
 _BEYOND = 60 * SECOND  # of an entry after all messages: topics may be silent so long [ns]
 
 
@@ -56,6 +57,16 @@ def held_journals(bag: BagReader) -> dict[str, TopicSummary]:
     return held
 
 
+def _content(recorded: RecordedEntry) -> tuple[JournalEntry, int, str]:
+    return recorded.entry, recorded.stamp, recorded.frame
+
+
+def _is_same(one: RecordedEntry, other: RecordedEntry) -> bool:
+    """Whether one entry came twice, by its topic and when asked for, each with its own time."""
+    near = abs(one.publish_time - other.publish_time) < _TWO_WAYS
+    return near and _content(one) == _content(other)
+
+
 class RecordedJournal:
     """Journal in a bag; the other messages of its drill bound how long it is run again."""
 
@@ -79,14 +90,25 @@ class RecordedJournal:
                 raise UnverifiableError(f"{self.name} has more than {_MOST_ENTRIES} entries")
         # A recorder that asked for entries has them later than others, or twice.
         found.sort(key=lambda each: (each.publish_time, each.entry.sequence))
-        for _, same in groupby(found, key=lambda each: (each.publish_time, each.entry.sequence)):
-            first, *others = same
-            entry = first.entry
-            if any((e.entry.kind, e.entry.text) != (entry.kind, entry.text) for e in others):
+        starts: list[dict[int, RecordedEntry]] = []  # of the drill, by the numbers of their entries
+        for each in found:
+            number = each.entry.sequence
+            if any(number in held and _is_same(each, held[number]) for held in starts):
+                continue
+            other = starts[-1].get(number) if starts else None
+            if starts and other is None:
+                starts[-1][number] = each
+            elif other is not None and other.publish_time == each.publish_time:
                 raise UnverifiableError(
-                    f"entry {entry.sequence} of the journal is there twice, with other content"
+                    f"entry {number} of the journal is there twice, with other content"
                 )
-            yield first
+            elif other is None or not (number and _content(each) == _content(other)):
+                starts.append({number: each})
+        latest = 0  # publishing time: a clock may have been set back, and numbers are right
+        for held in starts:
+            for number in sorted(held):
+                latest = max(latest, held[number].publish_time)
+                yield held[number]._replace(publish_time=latest)
 
     def _decode(self, message: Message) -> RecordedEntry:
         try:

@@ -390,7 +390,7 @@ def _to_its_end(run: RecordedRun, journal: RecordedJournal) -> RecordedRun:
     by_topic = journal.progress(run.window, at_end=last)
     shown = np.concatenate([np.empty(0, PROGRESS), *by_topic.values()])
     arrived = shown[shown["log_time"] <= shown["log_time"].max(initial=0) - _TOPIC_DELAY * last]
-    if last:
+    if last or not run.closed:
         # Two messages have to agree, so that one altered stamp changes nothing.
         stamps = np.sort(arrived["stamp"])
         stopped = shown["stamp"][shown["stopped"]] if run.closed else stamps[:0]

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import astuple, dataclass, replace
 from itertools import chain
 from typing import NamedTuple
 
+import numpy as np
+
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
+from rpud_sim.bag.received_order import ReceivedOrder
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.cdr import Codec
@@ -40,6 +44,7 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVE
 _TAIL = 2 * SECOND
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _MOST_SUSPECTS = 10_000  # kept of a topic: further ones show nothing that these do not
+_OF_BEFORE = ("waveform", "trajectory")  # whose stamps are those of their first samples
 _END = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 _COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
 
@@ -64,6 +69,7 @@ class Counts:
     different: int = 0  # in at least one bit
     missing: int = 0  # computed between two recorded ones, and not in the bag
     unexpected: int = 0  # in the bag, and not computed
+    head: int = 0  # computed before its first recorded one, when the bag held other topics
     tail: int = 0  # computed after the last recorded one, while the recording went on
     before: int = 0  # in the bag, of before the journal begins: not compared
 
@@ -85,8 +91,13 @@ class Verification:
 
     @property
     def proved(self) -> bool:
-        """Whether every message is what the simulation gives, and none is missing at the end."""
-        return not (self.first_difference or self.undecided or self.total.tail)
+        """Whether every message is what the simulation gives, and none is missing."""
+        return not (self.first_difference or self.undecided or self.lacking)
+
+    @property
+    def lacking(self) -> int:
+        """Messages that the simulation gives, and that the bag lacks."""
+        return self.total.head + self.total.missing + self.total.tail
 
     @property
     def total(self) -> Counts:
@@ -103,9 +114,32 @@ def verify(
     UnverifiableError.
     """
     with rpud_sim.bag.open(path) as bag:
-        proofs = [_Proof(bag, runs_of(bag, name), report) for name in held_journals(bag)]
-        for proof in proofs:
-            proof.run()
+        try:
+            found, failure = _verified(bag, report), None
+        except (RecordingError, BagFormatError) as error:
+            found, failure = None, error
+    if found is None or not found.proved:
+        # The clock may have been set back: then log times have another order than the messages.
+        with suppress(RecordingError, BagFormatError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # those of the bag have been said
+            with closing(ReceivedOrder(path)) as shifted:
+                if shifted.set_back and _more_equal(other := _verified(shifted, report), found):
+                    return other
+    if failure is not None:
+        raise failure
+    assert found is not None
+    return found
+
+
+def _more_equal(one: Verification, other: Verification | None) -> bool:
+    """Whether one way to order the messages of a bag explains more of them than another."""
+    return other is None or one.total.equal > other.total.equal
+
+
+def _verified(bag: BagReader, report: Callable[[float], object]) -> Verification:
+    proofs = [_Proof(bag, runs_of(bag, name), report) for name in held_journals(bag)]
+    for proof in proofs:
+        proof.run()
     begins = [proof.begins for proof in proofs if proof.begins is not None]
     differences = [each for proof in proofs for each in proof.differences]
     return Verification(
@@ -131,6 +165,7 @@ class _Proof:
         self.differences: list[MessageDifference] = []
         self.undecided = ""
         self.simulated = 0
+        self._counted = Counter[int]()  # simulated time, by the number of the run [ns]
         self.warnings: list[str] = []
         self._bag, self._runs, self._report = bag, runs, report
         first = runs[0]
@@ -193,12 +228,12 @@ class _Proof:
     def _compare(self) -> dict[str, _TopicProof]:
         computed = TopicStreams(self._computed)
         recorded = TopicStreams(lambda topics: by_run(self._runs, self._bag.batches(topics)))
-        complete = _complete_from(self._bag, self._runs)
+        began, complete = _began(self._bag, self._runs), _complete_from(self._bag, self._runs)
         proofs, readers = {}, []
         for name, codec in self._codecs.items():
             full = self._runs[0].topic(name)
             streams = computed.stream(full), recorded.stream(full)
-            proofs[name] = _TopicProof(self._runs, complete)
+            proofs[name] = _TopicProof(self._runs, began, complete)
             cursors = [StreamHead(stream, codec) for stream in streams]
             readers.append((proofs[name].compare(*cursors), streams))
         try:
@@ -214,17 +249,14 @@ class _Proof:
         prefix = self._runs[0].prefix
         names = {topic.removeprefix(prefix) for topic in topics}
         for run in self._runs:
-            counted = 0
             # A block may end later.
             end = run.end if run.ended else run.end + _TAIL
             for batch in run.computed(end, names):
                 block = batch.serialized(self._codecs[batch.topic])
                 yield replace(block, topic=prefix + batch.topic)
-                time = int(batch.publish_times[-1])
-                if time - counted >= SECOND:
-                    self._count(time - counted)
-                    counted = time
-            self._count(end - counted)
+                if (time := int(batch.publish_times[-1])) >= self._counted[run.number] + SECOND:
+                    self._count(run, time)
+            self._count(run, run.end)
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
@@ -248,9 +280,13 @@ class _Proof:
                     f"bag holds {count}"
                 )
 
-    def _count(self, simulated: int) -> None:
-        self.simulated += simulated
-        self._report(simulated / SECOND)
+    def _count(self, run: RecordedRun, time: int) -> None:
+        """Count what is simulated up to a time [ns], once though a stream may need its own pass."""
+        simulated = min(time, run.end) - self._counted[run.number]
+        if simulated > 0:
+            self._counted[run.number] += simulated
+            self.simulated += simulated
+            self._report(simulated / SECOND)
 
 
 def _proof_codec(summary: TopicSummary) -> Codec:
@@ -292,10 +328,12 @@ class _Suspect(NamedTuple):
 class _TopicProof:
     """Comparison of one topic's computed messages with its recorded ones."""
 
-    def __init__(self, runs: Sequence[RecordedRun], complete_from: tuple[int, int]) -> None:
+    def __init__(
+        self, runs: Sequence[RecordedRun], began: tuple[int, int], complete_from: tuple[int, int]
+    ) -> None:
         self.counts = Counter[str]()  # as of ``Counts``
         self.suspects: list[_Suspect] = []
-        self._runs, self._complete_from = runs, complete_from
+        self._runs, self._began, self._complete_from = runs, began, complete_from
         self._missing = 0  # computed messages skipped since the last recorded one
 
     def compare(self, computed: StreamHead, recorded: StreamHead) -> Iterator[None]:
@@ -311,7 +349,10 @@ class _TopicProof:
             elif step.second is not None:
                 self._pair(step.first, step.second)
             elif recorded.head() is not None:
-                self._missing += 1
+                run = self._runs[step.first.run - 1]  # which may have been killed
+                self._missing += step.first.publish_time + run.origin <= run.computed_until
+                if not self._matched and (step.first.run, step.first.stamp) >= self._began:
+                    self.counts["head"] += 1
                 yield
             elif self._is_after_the_end(step.first):
                 return
@@ -365,10 +406,32 @@ class _TopicProof:
             self.suspects.append(_Suspect(found, recorded.run, recorded.publish_time))
 
 
+def _began(bag: BagReader, runs: Sequence[RecordedRun]) -> tuple[int, int]:
+    """Return run and stamp from which on messages are missing at the head of a topic [ns]."""
+    readers = {
+        name: reader
+        for name, reader in progress_readers(bag, runs[0].prefix).items()
+        if not TOPICS[short := name.removeprefix(runs[0].prefix)].latched
+        and short not in _OF_BEFORE
+    }
+    shown = [_run_and_stamp(runs, f) for _, f in recorded_progress(bag, readers, 0, _TOPIC_DELAY)]
+    number, stamp = min(shown, default=(len(runs) + 1, 0))
+    forked = bool(runs[0].manifest and runs[0].manifest.forked_from)
+    if forked or not 1 <= number <= len(runs):  # a fork begins within a block, as it should
+        return len(runs) + 1, 0
+    # Of the block in which the recording began, a topic may have come and another not.
+    block = SECOND // max(1, int(runs[number - 1].parameters.get("telemetry_rate", 1)))
+    at_start = stamp - runs[number - 1].origin <= block
+    return number, 0 if at_start else stamp + block
+
+
+def _run_and_stamp(runs: Sequence[RecordedRun], found: np.ndarray) -> tuple[int, int]:
+    return sum(run.window[0] <= found["published"][0] for run in runs), int(found["stamp"][0])
+
+
 def _complete_from(bag: BagReader, runs: Sequence[RecordedRun]) -> tuple[int, int]:
     """Return run and stamp from which on a bag should hold a topic that it holds at all [ns]."""
     readers = progress_readers(bag, runs[0].prefix)
     for _, found in recorded_progress(bag, readers, _TOPIC_DELAY):
-        number = sum(run.window[0] <= found["published"][0] for run in runs)
-        return number, int(found["stamp"][0])
+        return _run_and_stamp(runs, found)
     return len(runs) + 1, 0

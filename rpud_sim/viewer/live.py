@@ -18,7 +18,7 @@ from rpud_sim.foundation.shown_quantities import QUANTITIES, number_text
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics
-from rpud_sim.ros.process import StartError
+from rpud_sim.ros.environment import StartError
 from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.commands import plain_refusal
 from rpud_sim.viewer.frames import ClientState, Store, StoreError

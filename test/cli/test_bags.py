@@ -1,6 +1,7 @@
 """`rpud info`, `recover`, `verify` and `fork` from the shell: what they print, and exit codes."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -98,7 +99,17 @@ def test_a_loss_is_shown_with_exit_code_3_and_json_has_the_account(tmp_path, rpu
 def test_verify_proves_a_bag(drill_bag, rpud):
     code, out, err = rpud("verify", drill_bag)
     assert (code, err) == (0, "")
-    head = ["topic", "equal", "different", "unexpected", "missing", "tail", "before", "lost"]
+    head = [
+        "topic",
+        "equal",
+        "different",
+        "unexpected",
+        "head",
+        "missing",
+        "tail",
+        "before",
+        "lost",
+    ]
     assert out.splitlines()[0].split() == head
     assert "messages are equal bit for bit, 0.200 s simulated again" in out
     assert rpud("verify", drill_bag, "--strict")[0] == 0
@@ -138,11 +149,25 @@ def test_a_bag_that_lacks_its_tail_gives_1_and_the_number(drill_bag, tmp_path, r
     assert (code, err) == (1, "")
     *_, missing, verdict = out.splitlines()
     assert missing == "/rpud/wrench: 15 messages are missing at the end, while the drill went on"
-    assert verdict.startswith("not proved: ")
-    assert "messages are equal bit for bit, and 15 are missing, 0.200 s simulated" in verdict
+    assert re.match(r"incomplete: (\d+) of \d+ messages were recorded, each equal, 0.200", verdict)
     content = json.loads(rpud("verify", path, "--json")[1])
     assert (content["proved"], content["undecided"]) == (False, "")
     assert content["topics"]["/rpud/wrench"]["tail"] == 15
+
+
+@pytest.mark.parametrize(("first", "last", "column"), [(-1, 55, "head"), (50, 95, "missing")])
+def test_a_bag_that_lacks_messages_is_incomplete(drill_bag, tmp_path, rpud, first, last, column):
+    whole = json.loads(rpud("verify", drill_bag, "--json")[1])["topics"]
+    count = sum(each["equal"] for each in whole.values())
+    path = without_wrench(drill_bag, tmp_path / "bag", first, last)
+    content = json.loads(rpud("verify", path, "--json")[1])
+    lacking = content["topics"]["/rpud/wrench"][column]
+    assert (content["proved"], lacking > 3) == (False, True)
+    code, out, err = rpud("verify", path)
+    assert (code, err) == (0, "")
+    said = f"incomplete: {count - lacking:,} of {count:,} messages were recorded, each equal"
+    assert out.splitlines()[-1].startswith(said)
+    assert rpud("verify", path, "--strict")[0] == 3
 
 
 def test_a_fork_is_the_rest_of_a_bag(drill_bag, tmp_path, rpud):

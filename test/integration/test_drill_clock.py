@@ -111,3 +111,17 @@ def test_a_signal_ends_it_while_it_waits(drill):
     drill.terminate()
     assert drill.wait() == 0
     assert "Traceback" not in drill.output
+
+
+def test_a_time_whose_stamps_no_message_can_hold_is_left_out(drill, client, source):
+    statuses = client.status
+    source.connect()
+    source.run(TICK)
+    source.until(lambda: statuses[-1].state == Status.STATE_RUNNING)
+    source.now, before = (2**31 - 1) * SECOND, source.now
+    source.until(lambda: "/clock = 2147483647 s is left out" in drill.output)
+    source.now = before
+    source.run(SECOND)
+    count = len(statuses)
+    source.until(lambda: len(statuses) > count + 2)
+    assert BEGIN <= stamps(statuses[-1:])[0] <= source.now

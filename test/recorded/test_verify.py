@@ -301,13 +301,19 @@ def test_messages_under_way_when_a_recorder_is_closed_are_not_missing(longer_bag
 def test_a_topic_that_falls_silent_and_returns_is_missing_in_between(longer_bag, tmp_path):
     change = without("contact_force", after=1.0, before=3.0)
     verification = verify(altered(longer_bag, tmp_path / "bag", change))
-    assert verification.proved
+    assert (verification.proved, verification.total.tail) == (False, 0)
     assert verification.topics["/rpud/contact_force"].missing > 700
 
 
 # --- a drill that gets a command in each block, as from a controller of an arm -------------------
 
 HELD = ("journal", "status", "faults", "wrench", "contact_force", "waveform")
+
+
+def test_a_stream_that_needs_a_pass_of_its_own_adds_no_simulated_time(longer_bag, monkeypatch):
+    once = verify(longer_bag).simulated
+    monkeypatch.setattr("rpud_sim.recorded.streams._MOST_WAITING", 0)
+    assert verify(longer_bag).simulated == once
 
 
 def streamed_bag(path, rate, duration, start, silent=()):

@@ -13,7 +13,8 @@ import pytest
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.process import StartError, StopRequest, start_ros
+from rpud_sim.ros.environment import StartError
+from rpud_sim.ros.process import StopRequest, start_ros
 
 SECURITY = {"ROS_SECURITY_ENABLE": "true"}
 

@@ -30,7 +30,8 @@ from rpud_sim.ros.drill.managed_node import (
 from rpud_sim.ros.drill.pacing_loop import LAST_RESPONSE, PacingLoop
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices, offer_standard_services
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.process import StartError, StopRequest, limit_end, limited_end, running_ros
+from rpud_sim.ros.environment import StartError
+from rpud_sim.ros.process import StopRequest, limit_end, limited_end, running_ros
 from rpud_sim.ros.threads import RequestError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels

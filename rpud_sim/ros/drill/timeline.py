@@ -24,6 +24,8 @@ INTERRUPTED = Result.RESULT_OPERATION_FAILED  # result of a step that ends befor
 LONGEST_STEP = 1e6  # [s]; longer than any mission
 # Between two ticks of another's ``/clock``, as far as its time goes on: more is another time [s].
 LONGEST_TICK = 10.0
+# Of another's ``/clock``: later stamps of the drill would not fit into messages [s].
+LATEST_TICK = 2**31 - 1 - LONGEST_STEP
 # A block is computed this long before its deadline, or right after the block before [s]. Requests
 # and parameters wait for its end from then on: with a longer lead services would answer late.
 LEAD = 0.01
@@ -85,7 +87,14 @@ class TimeSource:
             self._jumps = None
 
     def _now(self) -> int:
-        return int(self._clock.now().nanoseconds)
+        now = int(self._clock.now().nanoseconds)
+        if now <= LATEST_TICK * SECOND:
+            return now
+        self._logger.warning(
+            f"/clock = {now / SECOND:.10g} s is left out: allowed is [0, {LATEST_TICK:.10g}] s",
+            throttle_duration_sec=10.0,
+        )
+        return self._latest
 
     def _on_jump(self, jump: TimeJump) -> None:
         before, self._latest = self._latest, self._now()

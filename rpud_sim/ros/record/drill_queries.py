@@ -110,8 +110,10 @@ class JournalQuery:
 
     def __init__(self, node: Recorder) -> None:
         self._node = node
-        # By topic, the entry with the greatest number, and when it was published.
-        self._latest: dict[str, tuple[JournalEntry, int]] = {}
+        # By topic: the entry with the greatest number, and what came with each number. Publishing
+        # times do not tell a late entry from another start, as a clock may be set back.
+        self._latest: dict[str, JournalEntry] = {}
+        self._seen: dict[str, dict[int, int]] = {}
         self._asking: list[tuple[str, Steps]] = []  # topics, and the steps of asking
         node.intake.observe(self._find_gap)
 
@@ -155,12 +157,15 @@ class JournalQuery:
             return
         with self._node.guard(f"an entry of {message.topic}"):
             entry = deserialize_message(message.data, topic.kind)
-            before, published = self._latest.get(message.topic, (None, 0))
+            before = self._latest.get(message.topic)
+            seen = self._seen.setdefault(message.topic, {})
             if before is not None and entry.sequence <= before.sequence:
-                if message.publish_time <= published:
-                    return  # it came late, from another subscription
+                if seen.get(int(entry.sequence)) == hash(message.data):
+                    return  # it came late, or again, from another subscription
                 before = None  # another start of the drill
-            self._latest[message.topic] = entry, message.publish_time
+                seen.clear()
+            seen[int(entry.sequence)] = hash(message.data)
+            self._latest[message.topic] = entry
             if entry.sequence > (before.sequence + 1 if before else 0):
                 self._asking.append((message.topic, self._ask(message.topic, before, entry)))
 
@@ -208,8 +213,10 @@ class JournalQuery:
             if not entries:
                 break
             for entry, published in entries:
-                message = Message(topic, time.time_ns(), int(published), serialize_message(entry))
-                if not is_damaged(message.data, message.log_time, message.publish_time):
+                now = self._node.reception.now()
+                message = Message(topic, now, int(published), serialize_message(entry))
+                if not is_damaged(message.data, time.time_ns(), message.publish_time):
+                    self._seen[topic][int(entry.sequence)] = hash(message.data)
                     self._node.intake.put(message, observed=False)
             missing -= len(entries)
             first = int(entries[-1][0].sequence) + 1

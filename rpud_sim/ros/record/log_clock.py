@@ -3,9 +3,43 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
+from collections.abc import Callable
 
 _MOST_TICKS = 100_000  # of /clock that wait for messages: a quarter of an hour at 100 Hz
+
+_STEP = 1_000_000  # by which a clock is set, and does not only drift [ns]
+
+
+class ReceptionTime:
+    """Times of the machine that go on where its clock is set back, by NTP or by hand.
+
+    So messages have the order in which they came. The times agree with the clock again when it is
+    set forward.
+    """
+
+    def __init__(
+        self, wall: Callable[[], int] = time.time_ns, steady: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self.shift = 0  # from the machine's clock [ns]
+        self._wall, self._steady = wall, steady
+        self._ahead = wall() - steady()
+
+    def now(self) -> int:
+        """Return the time of now [ns]; notice that the clock was set."""
+        before, wall, after = self._steady(), self._wall(), self._steady()
+        if after - before < _STEP // 2:  # no break between the two clocks
+            back, self._ahead = self._ahead - (wall - after), wall - after
+            if abs(back) >= _STEP:
+                self.shift = max(0, self.shift + back)
+        return wall + self.shift
+
+    def of(self, received: int, sent: int, latest: int) -> tuple[int, int]:
+        """Return when a message came and was sent, after the latest one of its topic [ns]."""
+        # What has a time to come was received before the clock was set back.
+        came = max(latest, min(received + self.shift, self.now()))
+        return came, min(sent + self.shift, came) if self.shift else sent
 
 
 class LogClock:

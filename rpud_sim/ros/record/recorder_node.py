@@ -32,7 +32,7 @@ from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, message_class, n
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.received import ReceivedTopic, Sink
 from rpud_sim.ros.record.declaration import declaration
-from rpud_sim.ros.record.log_clock import LogClock
+from rpud_sim.ros.record.log_clock import LogClock, ReceptionTime
 from rpud_sim.ros.record.writing import Intake
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
@@ -75,11 +75,13 @@ class Recorder(Node):
         self.topics: dict[str, ReceivedTopic] = {}  # that are subscribed
         self.further_types: dict[str, set[str]] = {}  # of these, which are not recorded
         self._declared: set[str] = set()  # topics that the bag has
+        self._received: dict[str, int] = {}  # log time of the last message of each topic [ns]
         # topics, and further types of recorded ones, that are not recorded, with reasons
         self.skipped: dict[str, str] = {}
         self.taken = 0  # messages that were received
         self.suppressed = 0  # errors that data from the network raised
         self.clock = LogClock()
+        self.reception = ReceptionTime()
         if options.use_sim_time:
             self.clock.use_simulation()
         self._ticks: Subscription | None = self.create_subscription(
@@ -175,11 +177,12 @@ class Recorder(Node):
     def receive(self) -> float:
         """Hand messages to the intake; return the time up to which it has all [ns], or inf."""
         self._note_standstill()
-        began, done = time.time_ns(), inf
+        began, done = self.reception.now(), inf
         for data, info in taken(self._ticks) if self._ticks is not None else ():
             with self.guard(f"a message of {CLOCK}"):
                 tick = deserialize_message(data, Clock).clock
-                self.clock.add(info["received_timestamp"], join_seconds(tick.sec, tick.nanosec))
+                came, _ = self.reception.of(info["received_timestamp"], 0, 0)
+                self.clock.add(came, join_seconds(tick.sec, tick.nanosec))
         for topic in self.topics.values():
             with self.guard(f"a message of {topic.name}"):
                 done = min(done, self._receive(topic))
@@ -191,7 +194,7 @@ class Recorder(Node):
 
     def receive_all(self) -> None:
         """Hand the intake all that has arrived until now."""
-        until = time.time_ns()
+        until = self.reception.now()
         while self.receive() <= until:
             pass
 
@@ -291,18 +294,20 @@ class Recorder(Node):
 
     def _receive(self, topic: ReceivedTopic) -> float:
         """Take some messages; return the time of reception of the last, inf if none is left."""
-        room, received = _BATCH_SIZE, inf
+        room = _BATCH_SIZE
         topic.counts = not self.intake.paused
         for data, info in taken(topic.subscription, room):
             room -= 1
-            received = info["received_timestamp"]
-            if min(info["source_timestamp"], received) <= self._end:
+            if min(info["source_timestamp"], info["received_timestamp"]) <= self._end:
                 topic.receive(data, info)
-        return inf if room else received
+        return inf if room else self._received.get(topic.name, inf)
 
     def _sink(self, name: str) -> Sink:
         def add(data: bytes, publish_time: int, log_time: int) -> None:
             self._declare(self.topics[name], received=True)
+            latest = self._received.get(name, 0)
+            log_time, publish_time = self.reception.of(log_time, publish_time, latest)
+            self._received[name] = log_time
             self._batch.append(Message(name, log_time, publish_time, data))
 
         return add

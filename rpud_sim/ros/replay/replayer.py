@@ -149,7 +149,8 @@ class Replayer(Node):
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on ``/clock``."""
         message = Clock()
-        message.clock.sec, message.clock.nanosec = split_seconds(bag_time)
+        seconds, message.clock.nanosec = split_seconds(bag_time)
+        message.clock.sec = min(seconds, 2**31 - 1)  # a bag may hold any time
         self._clock_publisher.publish(message)
 
 

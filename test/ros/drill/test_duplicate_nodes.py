@@ -9,7 +9,7 @@ import rclpy
 
 from rpud_sim.ros.drill.drill_node import open_drill
 from rpud_sim.ros.drill.managed_node import NameHold
-from rpud_sim.ros.process import StartError
+from rpud_sim.ros.environment import StartError
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
