@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 import warnings
@@ -52,6 +53,9 @@ class Drill:
     It has the arguments of ``simulate``. A command takes effect immediately; an invalid value
     raises a ParameterError and changes nothing.
     """
+
+    # A misspelled attribute is an error, and no command without effect.
+    __slots__ = ("_begun", "_block", "_blocks", "_journal", "_run", "_seen", "_so_far", "_swings")
 
     def __init__(
         self,
@@ -218,6 +222,22 @@ class Drill:
         for number in numbers:
             self._run.apply(Clear(number))
         return numbers
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Drill:
+        memo[id(self)] = twin = object.__new__(type(self))
+        for name in self.__slots__:
+            if hasattr(self, name):
+                setattr(twin, name, copy.deepcopy(getattr(self, name), memo))
+        return twin
+
+    def __copy__(self) -> Drill:
+        return copy.deepcopy(self)
+
+    def __reduce__(self) -> Any:
+        raise TypeError(
+            "a Drill cannot be pickled: copy.deepcopy copies it in this process, drill.run can be "
+            "pickled and saved as a bag, and rpud fork continues a bag"
+        )
 
     def __repr__(self) -> str:
         return f"<Drill at {self.time:g} s, seed {self._run.beginning.seed}>"

@@ -1,5 +1,8 @@
 """A drill that a script steps: the words of the pytest fixture, and the same bits."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -123,7 +126,7 @@ def test_numbers_of_numpy_are_numbers():
     ("act", "text"),
     [
         (lambda drill: drill.press(-1), "weight_on_bit = -1 N is outside its range"),
-        (lambda drill: drill.press("hard"), "weight_on_bit = 'hard' N is outside"),
+        (lambda drill: drill.press("hard"), "weight_on_bit = 'hard' is not a number"),
         (lambda drill: drill.feed(rate=0.001), "feed"),
         (lambda drill: drill.feed(), "a rate or a position"),
         (lambda drill: drill.step(0), "step = 0 s is outside"),
@@ -132,7 +135,7 @@ def test_numbers_of_numpy_are_numbers():
             lambda drill: drill.inject("lost_preload", duration=1e-12),
             "duration = 1e-12 s is outside",
         ),
-        (lambda drill: drill.press(True), "weight_on_bit = True N is outside"),
+        (lambda drill: drill.press(True), "weight_on_bit = True is not a number"),
         (lambda drill: drill.press(10**400), "weight_on_bit = .* N is outside"),
         (lambda drill: drill.drive("off"), "drive enabled = 'off' is not true or false"),
         (lambda drill: drill.drive(100), "drive enabled = 100 is not true or false"),
@@ -148,3 +151,28 @@ def test_what_cannot_be_done_changes_nothing(act, text):
     with pytest.raises(rpud_sim.ParameterError, match=text):
         act(drill)
     assert drill.run.plan == before
+
+
+def test_a_copy_shares_nothing_and_a_pickle_is_refused_in_words():
+    drill = rpud_sim.Drill()
+    drill.step(0.05)
+    twins = [copy.copy(drill), copy.deepcopy(drill)]
+    for each in (drill, *twins):
+        each.step(0.05)
+    assert drill.now() == twins[0].now() == twins[1].now()
+    twins[0].press(30)
+    assert drill.status.weight_on_bit == 8.0
+    with pytest.raises(TypeError, match=r"cannot be pickled: copy\.deepcopy copies it"):
+        pickle.dumps(drill)
+    assert pickle.loads(pickle.dumps(drill.run)).plan == drill.run.plan
+
+
+def test_nothing_that_a_drill_gives_can_be_changed_without_effect():
+    drill = rpud_sim.Drill()
+    drill.step(0.05)
+    with pytest.raises(AttributeError, match="weight_on_bit"):
+        drill.weight_on_bit = 30
+    with pytest.raises(ValueError, match="read-only"):
+        drill.run["reacting_force"]["force"] *= 1e-3
+    with pytest.raises(KeyError, match="did you mean drill_tool_impact_rate"):
+        drill.run.figures["drill_tool_impact_rat"]

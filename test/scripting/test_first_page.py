@@ -120,7 +120,7 @@ def test_objects_show_themselves_in_a_line(run, tmp_path):
         (lambda: rpud_sim.simulate(1, weight_on_bit=-2), r"weight_on_bit = -2 N is outside"),
         (lambda: rpud_sim.simulate(0), "duration = 0 s is outside"),
         (lambda: rpud_sim.simulate(1, faults="jam"), "kind = 'jam'"),
-        (lambda: rpud_sim.simulate(1, seed=-1), "seed = -1 is outside"),
+        (lambda: rpud_sim.simulate(1, seed=-2), "seed = -2 is outside"),
         (lambda: rpud_sim.simulate(1e-12), "duration = 1e-12 s is outside"),
         (lambda: rpud_sim.simulate(1, faults=3), "faults = 3 is not a list"),
         (lambda: rpud_sim.simulate(1, faults=[3]), r"faults\[0\] = 3 is not a mapping"),
