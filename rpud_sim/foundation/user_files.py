@@ -40,7 +40,9 @@ def open_file(path: str | os.PathLike[str]) -> BinaryIO:
 def read_file(path: str | os.PathLike[str], most: int = -1) -> bytes:
     """Return the content of a regular file, or its first bytes, ``most`` of them."""
     with named_errors(path), open_file(path) as file:
-        return file.read(most)
+        # Python takes as much memory as it may read.
+        size = os.fstat(file.fileno()).st_size + 1
+        return file.read(size if most < 0 else min(most, size))
 
 
 def _check(its: os.stat_result, path: str | os.PathLike[str]) -> None:

@@ -349,13 +349,19 @@ class _TopicProof:
             elif step.second is not None:
                 self._pair(step.first, step.second)
             elif recorded.head() is not None:
-                run = self._runs[step.first.run - 1]  # which may have been killed
-                self._missing += step.first.publish_time + run.origin <= run.computed_until
-                if not self._matched and (step.first.run, step.first.stamp) >= self._began:
-                    self.counts["head"] += 1
+                self._count_missing(step.first)
                 yield
             elif self._is_after_the_end(step.first):
                 return
+
+    def _count_missing(self, computed: Head) -> None:
+        run, time = self._runs[computed.run - 1], computed.publish_time
+        begun = run.beginning.get("live_from", 0)
+        if isinstance(begun, int) and time <= begun:
+            return  # a live fork published nothing before it went on
+        self._missing += time + run.origin <= run.computed_until  # it may have been killed
+        if not self._matched and (computed.run, computed.stamp) >= self._began:
+            self.counts["head"] += 1
 
     def _pair(self, computed: Head, recorded: Head) -> None:
         found = difference(recorded, computed)

@@ -94,7 +94,7 @@ class Run:
         self._simulation = Simulation(settings.configuration, beginning.initial_phase, buffers)
         self._control = Control(self._simulation, self._put, settings, active)
         self._watches = False  # from ``take_over`` on
-        self._recorded = plan.recorded
+        self._recorded, self._live_from = plan.recorded, plan.live_from
         self._placed = False  # whether there is an origin
         self._schedule = Schedule(plan.changes)
         # Faults that begin and end by themselves: they cut no block and have no entry.
@@ -156,7 +156,10 @@ class Run:
 
     def begin(self, origin: int | None = None) -> None:
         """Start the journal, let commands act, and give time zero its stamp [ns], now or later."""
-        self._record("begin", self.beginning.to_journal())
+        content = self.beginning.to_journal()
+        if self._live_from:
+            content["live_from"] = self._live_from  # messages up to there were not published
+        self._record("begin", content)
         self._control.apply_share()
         if origin is not None:
             self.apply(SetOrigin(origin))
