@@ -180,8 +180,8 @@ class RecordedRun:
 
         A change that cannot be carried out raises a RecordingError.
         """
-        run = Run(self.plan, None, wanted.__contains__)
         try:
+            run = Run(self.plan, None, wanted.__contains__)
             for batch in run.advance_to(until):
                 if batch.topic in wanted:
                     yield replace(batch, run=self.number)

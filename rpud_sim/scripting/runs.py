@@ -54,13 +54,6 @@ _RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
 
 
-class NamedValues(dict[str, Any]):
-    """Values by their names; a wrong name is an error with the nearest one."""
-
-    def __missing__(self, name: str) -> Any:
-        raise KeyError(f"no {name!r}; {did_you_mean(str(name), self)}")
-
-
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by their names, as read-only arrays; ``units`` has their SI units."""
 
@@ -189,7 +182,7 @@ class DrillRun:
         """Figures of the run in SI units, named as ``rpud simulate --json`` names them."""
         metrics = Metrics()
         self._advance(metrics.add)
-        return NamedValues(metrics.to_dict())
+        return metrics.to_dict()
 
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""

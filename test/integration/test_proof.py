@@ -157,11 +157,9 @@ def proved(bag, recorder):
     found = sorted(entry.sequence for entry in entries)
     assert (found[0], found[-1]) == (0, len(found) - 1), recorder.output
     verification = verify(bag)
-    assert verification.proved, (
-        verification.first_difference,
-        verification.undecided,
-        verification.total,
-    )
+    # Of a recorder that stood still or came late the bag is incomplete, and each message equal.
+    wrong = verification.first_difference, verification.undecided, verification.total.tail
+    assert wrong == (None, "", 0), verification.total
     assert verification.begins is None
     assert verification.topics["/rpud/nodal_plane"].equal > 50
     return verification

@@ -174,5 +174,3 @@ def test_nothing_that_a_drill_gives_can_be_changed_without_effect():
         drill.weight_on_bit = 30
     with pytest.raises(ValueError, match="read-only"):
         drill.run["reacting_force"]["force"] *= 1e-3
-    with pytest.raises(KeyError, match="did you mean drill_tool_impact_rate"):
-        drill.run.figures["drill_tool_impact_rat"]

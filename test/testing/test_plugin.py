@@ -128,7 +128,7 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
     [frame] = re.findall('class="frame">([^<]*)<', (folder / "report.html").read_text())
     report = decode(base64.b64decode(frame))["report"]
     assert report["test"].endswith("test_fails")
-    assert (report["verdict"], report["seed"]) == ("failed", "0")
+    assert (report["verdict"], report["seed"]) == ("failed", "-1")
     assert report["requirements"][0].startswith("[R1] calm: failed: reacting_force")
     commands = (folder / "commands.txt").read_text()
     assert "press 20.0" in commands
