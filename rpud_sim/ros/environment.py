@@ -49,7 +49,9 @@ def check_before_load(
         return
     found = Path(spec.origin).resolve().parent
     wheels = Path(prefix, "share", "rclpy").is_dir()
-    foreign = wheels and not found.is_relative_to(Path(prefix).resolve())
+    place = Path(spec.origin)  # an environment may link to the packages of another one
+    own = place.is_relative_to(prefix) or found.is_relative_to(Path(prefix).resolve())
+    foreign = wheels and not own
     compiled = (found / f"_rclpy_pybind11{suffix}" for suffix in EXTENSION_SUFFIXES)
     if foreign or not any(each.exists() for each in compiled):
         version = ".".join(map(str, sys.version_info[:2]))

@@ -54,8 +54,8 @@ WAYS = {  # share of the bags, how many of them are a drill's, and options to ch
     "arrays": (4, 0.2, ""),
     "verify": (6, 0.9, "", "--strict", "--json"),
     "compare": (
-        *(3, 0.9, "{other} --settle 0 --json", "{other} --settle 0 --tolerance 5"),
-        "{other} --settle 0 --out {out}.html",
+        *(3, 0.9, "{other} --from 0 --json", "{other} --from 0 --tolerance 5"),
+        "{other} --from 0 --out {out}.html",
     ),
     "fork": (
         *(5, 0.9, "--at 0 --out {out}", "--at 0.01 --out {out} --duration 0.02"),
