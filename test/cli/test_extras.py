@@ -1,12 +1,9 @@
 """Commands where a package is missing that only some of them need."""
 
-from pathlib import Path
-
 import pytest
 
 pytestmark = pytest.mark.extended
 
-BAG = Path(__file__).parents[1] / "data" / "0.2.0" / "offline_free"
 BAGS = ("lz4", "mcap", "rosbags", "zstandard")
 EXTRAS = ("matplotlib", "pandas", "pyarrow", "scipy", "tornado")
 
@@ -24,11 +21,11 @@ def bag(lacking, tmp_path):
     [
         (("export", "--out", "out"), "needs pyarrow: pip install 'rpud_sim[export]'"),
         (("watch",), "needs tornado: pip install 'rpud_sim[web]'"),
-        (("compare", BAG), "needs scipy: pip install 'rpud_sim[web]'"),
+        (("compare", "bag", "--from", "0"), "needs scipy: pip install 'rpud_sim[web]'"),
     ],
 )
-def test_a_command_on_a_bag_names_its_extra(lacking, words, line):
-    done = lacking(EXTRAS, *words, BAG)
+def test_a_command_on_a_bag_names_its_extra(lacking, bag, words, line):
+    done = lacking(EXTRAS, *(bag if word == "bag" else word for word in words), bag)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == f"rpud {words[0]}: {line}, or in a clone make setup\n"
 
