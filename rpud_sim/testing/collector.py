@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rclpy
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
@@ -22,6 +21,7 @@ from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.endpoints import SequenceGaps, request_for
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.received import DEPTH, ReceivedTopic
+from rpud_sim.ros.waiting import WaitSet
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
@@ -129,7 +129,7 @@ class Collector:
             start_parameter_services=False,
         )
         self.topics: dict[str, StoredTopic] = {}  # by absolute name
-        self._wait_set: Any = None
+        self._waiting = WaitSet(self._context)
         self.subscribe("status", TOPICS["status"].type)
         for name, kind in ALL_COMMAND_TOPICS.items():
             self.subscribe(name, kind)
@@ -168,7 +168,6 @@ class Collector:
             changes=name == "status",
         )
         self.topics[absolute] = topic
-        self._wait_set = None
         return topic
 
     @property
@@ -212,15 +211,7 @@ class Collector:
 
     def wait(self, seconds: float) -> None:
         """Wait until a message is there, at most for some seconds."""
-        handles = [topic.subscription.handle for topic in self.topics.values()]
-        if self._wait_set is None:
-            self._wait_set = rclpy_implementation.WaitSet(
-                len(handles), 0, 0, 0, 0, 0, self._context.handle
-            )
-        self._wait_set.clear_entities()
-        for handle in handles:
-            self._wait_set.add_subscription(handle)
-        self._wait_set.wait(round(seconds * SECOND))
+        self._waiting.wait(seconds, [topic.subscription for topic in self.topics.values()])
 
     def missing(self) -> dict[str, int]:
         """Return how many messages of each topic the drill has published and are not here yet."""
@@ -243,10 +234,8 @@ class Collector:
         """Unsubscribe from all topics except those of every test."""
         for name in set(self.topics) - self._always:
             self.topics.pop(name).close()
-            self._wait_set = None
 
     def close(self) -> None:
-        self._wait_set = None
         self.node.destroy_node()
 
 

@@ -25,6 +25,7 @@ from rpud_sim.ros.graph import RepeatedRequest, node_name
 from rpud_sim.ros.process import name_error, start_ros
 from rpud_sim.ros.received import ReceivedTopic, Sink
 from rpud_sim.ros.threads import raised
+from rpud_sim.ros.waiting import WaitSet, take_responses
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -89,6 +90,8 @@ class ListeningNode:
             raise name_error(error) from error
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._served_at = time.monotonic()  # when the executor had its turn
+        self._waiting = WaitSet(self._context)
 
     def __enter__(self) -> Self:
         return self
@@ -127,20 +130,28 @@ class ListeningNode:
             for topic in self._topics:
                 if topic.has_other_offers():
                     topic.renew()
-        try:
-            self._executor.spin_once(timeout_sec=seconds)
-        except RuntimeError as error:  # rclpy raises it at a malformed message
-            self.node.get_logger().warning(raised(error))
-        # The executor takes one message, which costs it more than all others do this way.
-        self.take()
+        clients = list(self.node.clients)
+        subscriptions = [topic.subscription for topic in self._topics]
+        arrived = self._waiting.wait(seconds, subscriptions, clients)
+        if arrived:
+            self.take()
+            for client in clients:
+                self._guarded(take_responses, client)
+        if not arrived or time.monotonic() >= self._served_at + POLL_PERIOD:
+            # What else the node has: events, and what its owner has subscribed by itself.
+            self._served_at = time.monotonic()
+            self._guarded(self._executor.spin_once, 0.0)
 
     def take(self) -> None:
         """Take all messages that have arrived, without a wait; responses and events stay."""
         for topic in self._topics:
-            try:
-                topic.take()
-            except RuntimeError as error:
-                self.node.get_logger().warning(raised(error))
+            self._guarded(topic.take)
+
+    def _guarded(self, act: Callable[..., object], *arguments: Any) -> None:
+        try:
+            act(*arguments)
+        except RuntimeError as error:  # rclpy raises it at a malformed message
+            self.node.get_logger().warning(raised(error))
 
     def wait_until(
         self,

@@ -33,6 +33,7 @@ from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.environment import StartError
 from rpud_sim.ros.process import StopRequest, limit_end, limited_end, running_ros
 from rpud_sim.ros.threads import RequestError, quick_switches, serve
+from rpud_sim.ros.waiting import OwnGroup, ServiceThread
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
@@ -41,7 +42,7 @@ from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 NAME = "drill_node"
-_THREADS = 3  # a step, a short request, and whatever else comes
+_THREADS = 2  # a short request, and whatever else comes; steps have their own
 _LAST_ANSWERS = 10.0  # time for answers that are under way when the drill ends [s]
 
 _DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's subscriptions [s]
@@ -253,6 +254,8 @@ def spin(
     """Drill until the stop is requested or the node has finished; ``show`` gets reports."""
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
+    steps = [each for each in node.services if isinstance(each.callback_group, OwnGroup)]
+    stepping = ServiceThread(node.context, steps, node.refuse_request)
     try:
         node.start()
         with quick_switches():
@@ -268,6 +271,7 @@ def spin(
             node.stop()
             # Against its word, rclpy's shutdown does not wait for callbacks that are under way.
             executor._work_tracker.wait(_LAST_ANSWERS)
+            stepping.close(_LAST_ANSWERS)
             if answering:  # a client drops the response of a node that it knows to have left
                 time.sleep(LAST_RESPONSE)
             executor.shutdown()
