@@ -48,6 +48,7 @@ INFINITE = 2**63 - 1  # unlimited duration [ns]; in YAML ``sec: 9223372036``, ``
 RATE_MESSAGES = 10
 
 _LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # sexagesimal ones, ``1:1:1``, take very long
+_DEEPEST = 100  # levels of metadata; rosbag2 writes 8
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _OUTER_KEY = "rosbag2_bagfile_information"
@@ -319,8 +320,14 @@ def local_name(name: str) -> str:
 
 def _load(text: str) -> Any:
     try:
-        if any(isinstance(each, yaml.AliasEvent) for each in yaml.parse(text, Loader=_LOADER)):
-            raise BagFormatError("the rosbag2 metadata has aliases, which rosbag2 never writes")
+        depth = 0
+        for event in yaml.parse(text, Loader=_LOADER):
+            if isinstance(event, yaml.AliasEvent):
+                raise BagFormatError("the rosbag2 metadata has aliases, which rosbag2 never writes")
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:  # libyaml looks through all levels at each word
+                raise BagFormatError(f"the rosbag2 metadata is nested deeper than {_DEEPEST} levels")
         if number := _LONG_NUMBER.search(text):
             raise BagFormatError(f"the rosbag2 metadata has a number {number[0][:20]}...")
         return yaml.load(text, Loader=_LOADER)

@@ -51,6 +51,12 @@ def test_metadata_that_is_none_or_grows_is_refused(text):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("text", ["[", "{a: "])
+def test_metadata_is_read_no_deeper_than_its_levels_are_allowed(text):
+    with pytest.raises(BagFormatError, match="nested deeper than 100 levels"):
+        metadata_from_document(text * 200 + "not read any more: [}")
+
+
 def test_a_document_of_gigabytes_is_refused_unread(tmp_path):
     path = write_bag(tmp_path / "run")
     os.truncate(path / "metadata.yaml", 100 * RECORD_LIMIT)

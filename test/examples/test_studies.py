@@ -49,6 +49,7 @@ def fitted():
     return tables(executed(json.loads(NOTEBOOK)))
 
 
+@pytest.mark.extended
 def test_a_short_fit_runs_every_cell():
     short = NOTEBOOK.replace("rounds=3, points=64, duration=10", "rounds=1, points=64, duration=1")
     assert short != NOTEBOOK

@@ -38,11 +38,11 @@ PATIENCE = 100.0
 
 SECOND = 1_000_000_000
 MANY_EXAMPLES = os.environ.get("RPUD_EXAMPLES") == "many"
-FEW = 25
+FEW = 8
 
 
 def examples(count: int) -> int:
-    """Number of examples that a property draws: `count` in `make test-all`, else 25 at most."""
+    """Number of examples that a property draws: `count` in `make test-all`, else 8 at most."""
     return count if MANY_EXAMPLES else min(count, FEW)
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
+from support import examples
 
 from rpud_sim.foundation.values import Sequences
 from rpud_sim.messages.definitions import find_type_hash, installed_codec
@@ -62,7 +63,7 @@ def message_of(members, values):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.data())
 def test_the_bytes_are_those_of_ros(kind, data):
     codec, of_ros = installed_codec(kind), Encoder(members_of(message_class(kind)))
@@ -114,7 +115,7 @@ def columns_of(rows):
 
 
 @pytest.mark.parametrize("kind", [FORCE, JOINTS, TRAJECTORY])
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.data(), st.booleans())
 def test_columns_have_the_bytes_of_single_messages(kind, data, ragged):
     encoder = installed_codec(kind).encoder

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.model import elementary
 from rpud_sim.model.elementary import (
@@ -98,7 +99,7 @@ def test_error_is_within_its_bound(function, exact, bound, covered, rises, drawn
     rising = [function(x) for x in grid if rises[0] <= x <= rises[1]]
     assert rising == sorted(rising)
 
-    @settings(max_examples=500)
+    @settings(max_examples=examples(500))
     @given(drawn)
     def anywhere(x):
         assert error(function, exact, x)[1] <= bound
@@ -106,7 +107,7 @@ def test_error_is_within_its_bound(function, exact, bound, covered, rises, drawn
     anywhere()
 
 
-@settings(max_examples=500)
+@settings(max_examples=examples(500))
 @given(ANY)
 @example(2.0**51 + 0.5)
 @example(2.0**52 + 1.0)
@@ -122,7 +123,7 @@ def test_whole_cycles_are_taken_off_exactly_from_any_number(x):
 ANGLES = st.floats(-GREATEST_ANGLE, GREATEST_ANGLE)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=examples(1000))
 @given(ANGLES | st.floats(-100.0, 100.0) | st.floats(GREATEST_ANGLE, 1e15) | FINITE)
 @example(2.0672040070014414e32)
 def test_error_of_sine_and_cosine_and_great_angles_give_those_of_a_neighbour(x):
@@ -144,7 +145,7 @@ def test_error_of_sine_and_cosine_near_multiples_of_a_quarter_turn():
         assert error(sine, mpmath.sin, x)[1] <= 1.5
 
 
-@settings(max_examples=1000)
+@settings(max_examples=examples(1000))
 @given(FINITE | NEAR_ONE, FINITE | NEAR_ONE)
 @example(2.0**-500, 2.0**500)
 @example(5e-324, 5e-324)
@@ -158,7 +159,7 @@ def test_error_of_angle_and_size_of_a_point(y, x):
         assert error(arc_tangent, mpmath.atan2, y, x)[1] <= 2.5
 
 
-@settings(max_examples=500)
+@settings(max_examples=examples(500))
 @given(st.floats(1e-10, 1e10), st.floats(-20.0, 20.0))
 def test_error_of_powers(base, exponent):
     bound = 2.0 + 1.5 * abs(exponent * math.log(base))

@@ -60,7 +60,7 @@ def balance(state):
     return state["drawn"], state["heat"] + state["work"] + stored - state["pending"]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(st.floats(-100.0, 100.0), st.floats(0.0, 200.0), st.floats(1e-5, 0.03))
 def test_envelope_and_energies_follow_their_equations(detuning, voltage, time):
     state = made(RESONANCE._replace(voltage=voltage, drive_frequency=16000.0 + detuning))

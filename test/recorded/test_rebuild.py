@@ -10,6 +10,7 @@ from altered_bags import altered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
+from support import examples
 
 import rpud_sim.bag
 from rpud_sim.foundation.time import SECOND
@@ -116,7 +117,7 @@ def test_a_run_of_several_is_chosen(used, tmp_path):
     assert second.origin == first.origin + SECOND
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(
     rate=st.sampled_from([1, 999, 16_000, 50_000, 1_234_567]),
     cuts=st.lists(st.integers(0, 10_000), max_size=5),

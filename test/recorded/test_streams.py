@@ -173,7 +173,7 @@ def skewed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("most", [0, 100, 1 << 20])
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(order=st.lists(st.sampled_from(["/a", "/b", "/c"]), max_size=30))
 def test_each_topic_is_read_in_order_however_far_the_others_are(skewed, most, order):
     with rpud_sim.bag.open(skewed) as bag, pytest.MonkeyPatch.context() as patch:

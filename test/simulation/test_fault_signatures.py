@@ -23,6 +23,9 @@ from rpud_sim.drilling.inputs import Pulses
 from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.simulation.faults import Fault
 
+# Each needs many drills.
+pytestmark = pytest.mark.extended
+
 # Kinds of which the cause remains when the fault has ended.
 LEFT_BEHIND = ("choking",)
 # Kinds of the feed: the force that they took comes back slowly.

@@ -47,7 +47,7 @@ def drilled(simulation, *times):
 
 
 @given(st.floats(1e-4, 0.04))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 def test_a_rigid_arm_at_rest_without_rock_model_gives_the_bits_of_its_weight_on_bit(position):
     fed = made(**RIGID, initial_feed=position)
     fed.apply(Feed("position", position))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support import entries_in
+from support import entries_in, examples
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER
@@ -250,7 +250,7 @@ ACTIONS = st.one_of(
 STEPS = st.lists(st.tuples(st.integers(1, 30 * MILLISECOND), ACTIONS), max_size=8)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(
     regime=st.sampled_from(["free", "drilling"]),
     faults=st.sampled_from([(), ALL_FAULTS]),
@@ -271,7 +271,7 @@ def test_what_was_done_is_a_plan_that_gives_every_message_again(regime, faults, 
     assert list(map(repr, found)) == list(map(repr, messages[1:]))
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(steps=STEPS)
 def test_planned_changes_are_those_that_are_carried_out_at_their_times(steps):
     times = [sum(length for length, _ in steps[: n + 1]) for n in range(len(steps))]
@@ -310,7 +310,7 @@ def test_commands_of_one_time_give_the_same_bits_and_journal_in_every_order(arm,
     ramp=st.sampled_from([0.0, 0.013, 0.05]),
     count=st.integers(0, 3),
 )
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_watched_in_spans_a_loss_of_commands_has_the_same_bits(timeout, ramp, count):
     """The watchdog acts at the ends of the same blocks as where each of them is looked at."""
     found = []

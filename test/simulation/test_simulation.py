@@ -129,7 +129,7 @@ def test_a_drive_that_is_off_keeps_voltage_and_frequency_that_are_zero():
     assert simulation.advance_to(MILLISECOND).open_segment["vibration_amplitude"] == 0.0
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(regimes, moments, st.permutations([WeightOnBit(7.0), OFF, WeightOnBit(31.0)]))
 def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bit(
     parameters, moment, given_commands

@@ -11,6 +11,7 @@ from fault_signatures import ON_AN_ARM_ALONE as SLOW
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from silent_drill import SilentDrill
+from support import examples
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
@@ -89,7 +90,7 @@ alone = st.tuples(drills, scenarios(PHYSICAL), st.dictionaries(moments, commands
 on_an_arm = st.tuples(st.just(ON_AN_ARM), scenarios(SLOW), st.just({0: Feed("rate", 1e-3)}))
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(alone | on_an_arm, st.lists(moments, max_size=15))
 def test_where_a_caller_stops_changes_no_bit(drilled, stops):
     assert run(*drilled, []) == run(*drilled, stops)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.messages.batch import groups, rows_of
 from rpud_sim.messages.cdr import Codec
@@ -248,7 +249,7 @@ def rows(values, faults, steps, *, by_block):
     return rows_of([*batches, *run.flush(ends=True)])
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(VALUES, scenarios(), STEPS)
 @example({}, (fault(0, 300, Fault("off", "wrench")),), [])
 @example({}, (fault(0, 300, Fault("lost_preload")),), [])
@@ -258,7 +259,7 @@ def test_spans_of_blocks_give_the_same_as_block_by_block(values, faults, steps):
 
 
 @pytest.mark.parametrize("by_block", [True, False])
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(VALUES, st.lists(st.tuples(TIMES, COMMANDS), max_size=3))
 @example({}, [(300 * MILLISECOND, SetOrigin(7))])
 def test_a_sample_has_as_many_impacts_as_were_published_before_it(by_block, values, steps):

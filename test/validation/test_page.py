@@ -16,6 +16,9 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "validation.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
+# All of the paper's numbers are computed again, which takes long.
+pytestmark = pytest.mark.extended
+
 # The fifth percentile of the forces is a mean over few impacts of each run.
 LOOSE = "Fig. 11 low"
 

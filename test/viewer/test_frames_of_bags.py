@@ -11,6 +11,7 @@ from frame_reader import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded_bags import DURATION
+from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
@@ -65,7 +66,7 @@ def viewed(store, start, end, width=800):
 
 
 @given(st.floats(0.0, DURATION - 0.1), st.floats(2e-6, 0.03))
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 def test_samples_of_any_range_are_those_of_rebuild_bit_for_bit(waveforms, rebuilt, start, length):
     first, channels = rebuilt
     (stretch,) = waveforms.between(start, start + length, RATE)
