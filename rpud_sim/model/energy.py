@@ -21,13 +21,14 @@ from rpud_sim.model.integrals import (
 )
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
+    CONTACT_BOTH,
     CONTACT_DRILL_TOOL,
     EVENT_COMMAND,
     EVENT_RELEASE,
     drill_tool_motion,
     nodal_plane_motion,
 )
-from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
+from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY, TOUCHING
 
 # Numbers of an account's terms, in joules: what flows in,
 ACTUATOR_WORK, WEIGHT_ON_BIT_WORK, GRAVITY_WORK, CHANGES = range(4)
@@ -150,6 +151,14 @@ def rests(segment):
 
 
 @compiled
+def starts_from_rest(segment, motion):
+    """Whether a vibration at rest begins to yield here; no blow at this instant has moved it."""
+    u_np, v_np, u_ut, v_ut = motion[:4]
+    still = abs(u_ut - u_np) <= TOUCHING and abs(v_ut - v_np) <= SAME_VELOCITY
+    return still and segment.contact == CONTACT_BOTH
+
+
+@compiled
 def add_change(before, after, motion, begun, account):
     """Add what new constants and a new origin do to springs and drill tool; returns the motion.
 
@@ -186,12 +195,12 @@ def add_change(before, after, motion, begun, account):
 
 @compiled
 def add_rest(segment, after, ended, account):
-    """Add what the rock takes of a tool that comes to rest and is met at the same instant.
+    """Add what the rock takes of a tool that stops and is met or pushed at the same instant.
 
     ``ended`` is ``motion_at`` the end of the segment; returns the motion in which the tool rests.
     """
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
-    met = segment.contact == 0 and after.contact & CONTACT_DRILL_TOOL
+    met = not segment.contact & CONTACT_DRILL_TOOL and not rests(after)
     # Without a contact that could end, a release is that of the tool by the rock.
     if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
         motion = segment.drill_tool_mass * v_dt * v_dt
@@ -209,7 +218,7 @@ def add_event(rpud, before, after, segment, account):
     from_tip = rpud.mass * (np_before - np_after)  # impulse on the free mass [N s]
     vibration = ut_after - np_after
     vibration_before = vibration
-    if segment.vibration_amplitude > 0.0:
+    if segment.vibration_amplitude > 0.0 and not starts_from_rest(segment, after):
         vibration_before += from_tip * rpud.per_modal_mass
     if rests(segment):
         # The rock has taken what motion and strain the impact left to the drill tool.

@@ -22,8 +22,9 @@ from rpud_sim.model.events import (
     start,
 )
 from rpud_sim.model.parameters import QUANTITIES, Parameters
-from rpud_sim.model.resonator import Resonance, ResonatorEnergy, account
+from rpud_sim.model.resonator import Resonance, ResonatorEnergy
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
+from rpud_sim.model.segment_vibration import account
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 
 # How many values a message names, and how far from the default a value is unusual [factor].

@@ -12,7 +12,7 @@ start, however many calls it takes to reach it.
 
 import math
 
-from rpud_sim.model import resonator, tolerances
+from rpud_sim.model import resonator, segment_vibration, tolerances
 from rpud_sim.model.closed_form import advance_phase, turn_at
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.impact import follow_impact, open_impact
@@ -73,7 +73,7 @@ def end_segment(drill, state, segment, impact, time, turns):
     state.fraction = fraction - whole
     state.effort = max(state.effort - tolerances.EVENT_BUDGET * time, 0.0)
     if state.resonant:
-        resonator.end_vibration(drill, state, segment, time, turns)
+        segment_vibration.end_vibration(drill, state, segment, time, turns)
     else:
         state.phase = advance_phase(state.phase, state.frequency, time)
 
@@ -102,7 +102,7 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
     join_held_bodies(state, turn)
     if state.resonant and state.fine and closed & CONTACT_ACTUATOR & ~state.contact:
         given = drill.rpud_mass * (v_np - state.v_np) + state.given
-        resonator.draw_back(state, given)
+        segment_vibration.draw_back(state, given)
         turn = turn_at(state.phase)
     if collisions.actuator_struck or abs(state.v_np - v_np) > tolerances.SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
@@ -148,7 +148,7 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
     Returns the number of finished impacts, and the ``PhaseSinCos`` at the start of that segment.
     """
     end = state.next_event
-    stepped = state.resonant and resonator.follows(state)
+    stepped = state.resonant and segment_vibration.follows(state)
     end_segment(drill, state, segment, impact, segment.duration, turns)
     turn = turn_at(state.phase) if state.yields or stepped else turns.vibration
     stepped = stepped and end == END_AMPLITUDE

@@ -131,6 +131,14 @@ def check_actuator(reading, account, rounding):
 @example(
     {"regime": "free", "restoring_spring_rate": 94689.0}, RESONANCE, [(0, WeightOnBit(65.0))], 0.0
 )
+# Blows on a vibration at rest that yields from then on, and a tool that comes to rest while free
+# mass and tip overlap it by half a picometre.
+@example(
+    {"regime": "drilling", "contact_model": "printed", "vibration_frequency": 1000.0},
+    RESONANCE,
+    [],
+    0.8449214874906592,
+)
 def test_the_account_closes(values, actuator, plan, phase):
     simulation = made(values, actuator, phase)
     account, segments = EnergyAccount(), 0
@@ -143,7 +151,7 @@ def test_the_account_closes(values, actuator, plan, phase):
         assume("events exceed their budget" not in str(error))
         raise
     rounding = ROUNDING * greatest_force(simulation)
-    assert abs(account.residual) <= 1e-9 * throughput(account) + rounding
+    assert abs(account.residual) <= 1e-10 * throughput(account) + rounding
     for name in ("load_damper", "drill_tool_damper", "release"):
         assert getattr(account, name) >= -1e-12 * throughput(account)
     if actuator.actuator_model == "resonance":
