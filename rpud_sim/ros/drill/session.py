@@ -233,9 +233,14 @@ class Session:
             timeline.goal = None
         if due or reached:
             self.report(waits=timeline.standing and not reached)
+        if reached or (due and not stepping):
+            undelivered = self.publishers.undelivered()
+            for line in undelivered:
+                self._logger.warning(line)
         if reached:
             status = self.reporter.last.status if self.reporter.last is not None else {}
-            timeline.reach(Reached(self.stamp, self.publishers.published, status))
+            failure = "; ".join(line for line, fails in undelivered.items() if fails)
+            timeline.reach(Reached(self.stamp, self.publishers.published, status, failure))
 
     def report(self, state: str = "", *, waits: bool = False) -> None:
         """Publish changes and the status, in the present state or another one.

@@ -175,6 +175,18 @@ def slow(drill):
     return drill
 
 
+def test_a_step_that_could_not_deliver_says_what_a_running_subscriber_lacks(drill, monkeypatch):
+    step, own = drill.step(20_000_000), drill.publishers.own
+    own.overwritten.update(contact_force=7, wrench=2)
+    monkeypatch.setattr(own, "lost", lambda name: name == "wrench")
+    drill.finish_step()
+    expected = "up to 7 messages of contact_force are lost: a subscriber did not take them in 10 s"
+    assert step.result().failure == expected
+    step = drill.step(40_000_000)
+    drill.finish_step()
+    assert step.result().failure == ""
+
+
 def test_without_time_they_wait_but_not_longer_than_two_periods_of_theirs(playing):
     slow(playing)
     for _ in range(9):
