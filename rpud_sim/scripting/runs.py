@@ -54,6 +54,20 @@ _RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
 
 
+class _UnknownNameError(KeyError):
+    """Name of nothing that is there; as a text it has no quotes and escapes."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class _Figures(dict[str, Any]):
+    """Values of a run by their names."""
+
+    def __missing__(self, name: str) -> Any:
+        raise _UnknownNameError(f"no metric {name!r}; {did_you_mean(str(name), self)}")
+
+
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by their names, as read-only arrays; ``units`` has their SI units."""
 
@@ -64,7 +78,7 @@ class Columns(dict[str, np.ndarray]):
         self.units = dict(units)  # empty for a number without a unit
 
     def __missing__(self, name: str) -> np.ndarray:
-        raise KeyError(f"no column {name!r}; {did_you_mean(str(name), self)}")
+        raise _UnknownNameError(f"no column {name!r}; {did_you_mean(str(name), self)}")
 
     def __repr__(self) -> str:
         """Return the columns' names and units, and the number of rows."""
@@ -154,7 +168,7 @@ class DrillRun:
         self.duration = end / SECOND  # simulated time [s]
         self._end = end
         self._bag = bag
-        self._recorded = recorded
+        self.recorded = recorded  # where it lies in a bag; None for one in memory
         self._columns: dict[str, Columns] = {}  # by topic
 
     @property
@@ -170,8 +184,8 @@ class DrillRun:
     @property
     def topics(self) -> tuple[str, ...]:
         """Names of the topics that have columns."""
-        if self._bag is not None and self._recorded is not None:
-            prefix = self._recorded.prefix
+        if self._bag is not None and self.recorded is not None:
+            prefix = self.recorded.prefix
             held = [each.topic.name for each in self._bag.readable_topics]
             own = {name.removeprefix(prefix) for name in held if name.startswith(prefix)}
             return tuple(sorted(own & set(TOPICS)))
@@ -182,12 +196,12 @@ class DrillRun:
         """Figures of the run in SI units, named as ``rpud simulate --json`` names them."""
         metrics = Metrics()
         self._advance(metrics.add)
-        return metrics.to_dict()
+        return _Figures(metrics.to_dict())
 
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""
         if topic not in self.topics:
-            raise KeyError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
+            raise _UnknownNameError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
         if topic not in self._columns:
             self._columns[topic] = self._read(topic) if self._bag else self._compute(topic)
         return self._columns[topic]
@@ -199,7 +213,7 @@ class DrillRun:
         """Return the simulation time of each row of a topic [s]."""
         columns = self[topic]
         stamps = columns["time"] if "time" in columns else columns["header.stamp"]
-        origin = self._recorded.origin if self._recorded is not None else 0
+        origin = self.recorded.origin if self.recorded is not None else 0
         return (stamps - origin) / SECOND
 
     def frame(self, topic: str) -> pandas.DataFrame:
@@ -275,10 +289,10 @@ class DrillRun:
 
     def _read(self, topic: str) -> Columns:
         assert self._bag is not None
-        assert self._recorded is not None
-        name = self._recorded.topic(topic)
+        assert self.recorded is not None
+        name = self.recorded.topic(topic)
         found = self._bag.arrays(name)
-        held = self._recorded.holds(found["publish_time"])
+        held = self.recorded.holds(found["publish_time"])
         return _own_columns(
             {name: values[held] for name, values in found.items()}, self._bag.columns(name)
         )
