@@ -24,6 +24,7 @@ from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
+from rpud_sim.scripting.growing_run import GrowingRun
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block, first_sample
 from rpud_sim.simulation.changes import Change
@@ -163,12 +164,14 @@ class DrillRun:
         end: int,
         bag: BagReader | None = None,
         recorded: RecordedRun | None = None,
+        growing: GrowingRun | None = None,
     ) -> None:
         self.plan = plan
         self.duration = end / SECOND  # simulated time [s]
         self._end = end
         self._bag = bag
         self.recorded = recorded  # where it lies in a bag; None for one in memory
+        self._growing = growing  # of a drill that may go on
         self._columns: dict[str, Columns] = {}  # by topic
 
     @property
@@ -282,10 +285,13 @@ class DrillRun:
         Run(self.plan, wanted=None, on_block=on_block).finish(self._end)
 
     def _compute(self, topic: str) -> Columns:
-        computed = run_batches(self.plan, self._end, (topic,))
-        batches = [each for part in computed for each in part if each.topic == topic]
-        names = drill_table(TOPICS[topic].type).columns
-        return _own_columns(rows_of(topic, batches), names)
+        growing = self._growing
+        found = None if growing is None else growing.columns(topic, self.plan, self._end)
+        if found is None:
+            computed = run_batches(self.plan, self._end, (topic,))
+            batches = [each for part in computed for each in part if each.topic == topic]
+            found = rows_of(topic, batches)
+        return _own_columns(found, drill_table(TOPICS[topic].type).columns)
 
     def _read(self, topic: str) -> Columns:
         assert self._bag is not None
