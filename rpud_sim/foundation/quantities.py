@@ -70,6 +70,11 @@ def shown_name(name: Any) -> str:
     return name if plain else shown(name)
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number of things, as ``1 impact`` or ``2 impacts``."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def listed(names: Iterable[str]) -> str:
     """Return names in one line, with at most 30 of them and 80 characters of each."""
     found = sorted(names)

@@ -130,11 +130,11 @@ class Session:
 
     def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Let simulation time begin, now or with the first ``/clock``, until a stop."""
-        configuration = self.settings.configuration
+        configuration, status = self.settings.configuration, self.run.status().fields
         # The first line that a process logs takes tens of milliseconds: before time zero, then.
         self._logger.info(
             f"drilling: regime {configuration.parameters.regime}, "
-            f"weight on bit {configuration.parameters.weight_on_bit:g} N, "
+            f"weight on bit {status['weight_on_bit']:g} N, "
             f"drive {'on' if configuration.drive_enabled else 'off'}"
         )
         self.timeline.source.wait(stop, serve)
