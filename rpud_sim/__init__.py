@@ -27,9 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rpud_sim.foundation.quantities import ParameterError
-    from rpud_sim.recorded.compare import compare
-    from rpud_sim.recorded.verify import verify
-    from rpud_sim.scripting.bags import DrillBag, open
+    from rpud_sim.scripting.bags import DrillBag, compare, open, verify
     from rpud_sim.scripting.drill import Drill
     from rpud_sim.scripting.runs import DrillRun, simulate
     from rpud_sim.scripting.sweep import sweep
@@ -39,9 +37,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "foundation.quantities": ("ParameterError",),
-    "recorded.compare": ("compare",),
-    "recorded.verify": ("verify",),
-    "scripting.bags": ("DrillBag", "open"),
+    "scripting.bags": ("DrillBag", "compare", "open", "verify"),
     "scripting.drill": ("Drill",),
     "scripting.runs": ("DrillRun", "simulate"),
     "scripting.sweep": ("sweep",),

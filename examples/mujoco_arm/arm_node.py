@@ -9,6 +9,7 @@ drill at this time.
 from __future__ import annotations
 
 import sys
+import time
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -22,6 +23,7 @@ from sensor_msgs.msg import JointState
 
 NANOSECONDS = round(1e9 * STEP)
 START = 1000  # steps: time zero is no time in ROS
+PATIENCE = 20.0  # with a drill that does not answer [s]
 CONNECTING = 0.1  # that the first answer may take, until both have found each other [s]
 
 
@@ -46,9 +48,9 @@ class ArmNode(Node):
     def _take(self, topic: str, message: object) -> None:
         self._latest[topic] = message
 
-    def _answered(self, time: Time) -> bool:
+    def _answered(self, stamp: Time) -> bool:
         latest = self._latest.values()
-        return len(latest) == len(self._answers) and all(m.header.stamp == time for m in latest)
+        return len(latest) == len(self._answers) and all(m.header.stamp == stamp for m in latest)
 
     def exchange(self, place: float, rate: float) -> Answer:
         """Give the drill the motion of its mount, and return what it says a step later."""
@@ -61,13 +63,23 @@ class ArmNode(Node):
         if self._steps == START + round(JAM / STEP):
             self._inject.call_async(InjectFault.Request(fault=Fault(kind="free_mass_jammed")))
         self.tick()
-        while not self._answered(self._now()):
-            rclpy.spin_once(self)
+        self._await_answer()
         wrench, force, hole = (self._latest[name] for name in self._answers)
         torque = wrench.wrench.torque.z
-        time = (self._steps - START) * STEP
+        at = (self._steps - START) * STEP
         # The force is that of an instant, and not the mean of a step: nothing is taken ahead of it.
-        return Answer(time, -wrench.wrench.force.z, torque, force.impacts, hole.depth, 0.0, 0.0)
+        return Answer(at, -wrench.wrench.force.z, torque, force.impacts, hole.depth, 0.0, 0.0)
+
+    def _await_answer(self) -> None:
+        end = time.monotonic() + PATIENCE
+        while not self._answered(self._now()):
+            rclpy.spin_once(self, timeout_sec=PATIENCE)
+            if time.monotonic() > end:
+                # Started again, it waits for the next /clock.
+                sys.exit(
+                    f"the drill has not answered the time {self._steps * STEP:.3f} s for "
+                    f"{PATIENCE:g} s: it has ended, or was started again: start this node again"
+                )
 
     def connect(self) -> None:
         """Let time pass until the drill answers."""

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
+from rpud_sim.foundation.quantities import counted
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.terminal import columns, printable
 
@@ -113,14 +114,16 @@ def summary_text(figures: Values, report: Report | None, faults: Sequence[FaultR
         return lines[0]
     status, timing = report.status, report.timing
     lines.append(
-        f"{status['impacts']} impacts, {timing['deadlines_missed']} deadlines missed, "
-        f"{status['commands_accepted']} commands accepted, {status['commands_rejected']} refused, "
-        f"{timing['messages_dropped']} messages dropped"
+        f"{counted(status['impacts'], 'impact')}, "
+        f"{counted(timing['deadlines_missed'], 'deadline')} missed, "
+        f"{counted(status['commands_accepted'], 'command')} accepted, "
+        f"{status['commands_rejected']} refused, "
+        f"{counted(timing['messages_dropped'], 'message')} dropped"
     )
     if math.isfinite(status["depth"]):
         lines.append(f"depth {_shown('depth', status['depth'])}")
     if report.requests_refused:
-        lines.append(f"{report.requests_refused} requests refused")
+        lines.append(f"{counted(report.requests_refused, 'request')} refused")
     if report.last_refusal:
         lines.append(f"last refusal: {printable(report.last_refusal)}")
     for record in faults[-_FAULTS_LISTED:]:

@@ -149,6 +149,16 @@ class ChildProcess:
         return not self.running
 
 
+def group_of(leader: int) -> list[int]:
+    """Return the numbers of the processes in a group that a process leads."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(ProcessLookupError):
+            if os.getpgid(int(entry.name)) == leader:
+                found.append(int(entry.name))
+    return found
+
+
 def stop_all(processes: Sequence[ChildProcess]) -> None:
     """End processes together, each as ``ChildProcess.stop`` does."""
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -70,6 +70,11 @@ def shown_name(name: Any) -> str:
     return name if plain else shown(name)
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number of things, as ``1 impact`` or ``2 impacts``."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def listed(names: Iterable[str]) -> str:
     """Return names in one line, with at most 30 of them and 80 characters of each."""
     found = sorted(names)
@@ -87,17 +92,19 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
     return f" (did you mean {close[0]}?)" if close else ""
 
 
+_MOST_CLOSE = 3  # names that contain the unknown one
 _MOST_NAMES = 30  # that a hint lists
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
     """Return a hint for an unknown name: the nearest known one, or all of them if they are few."""
     known = list(known)
-    close = _close(name, known, 0.6)
+    longer = [each for each in known if str(name) in each] if name else []
+    close = longer if 1 < len(longer) <= _MOST_CLOSE else _close(name, known, 0.6)
     if not close and len(known) > _MOST_NAMES:
         near = difflib.get_close_matches(f"{name!s:.80}", known, n=3, cutoff=0.0)
         return f"the nearest of {len(known)} are {', '.join(near)}"
-    return f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
+    return f"did you mean {listed(close)}?" if close else f"known are {', '.join(known)}"
 
 
 def _close(name: Any, known: Iterable[str], cutoff: float) -> list[str]:

@@ -31,6 +31,8 @@ from rpud_sim.simulation.plan import Journal, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, offered_topics
 
+_REPORTED = {"power", "status"}
+
 
 def write_offline_bag(
     path: str | os.PathLike[str],
@@ -72,7 +74,8 @@ def run_batches(
     again = [change for change in plan.changes if not isinstance(change.action, SetOrigin)]
     again = [change for change in again if change.time < end]
     plan = replace(plan, changes=tuple(again))
-    run = Run(plan, Journal(), topics.__contains__, reports=True, on_block=on_block)
+    reports = not _REPORTED.isdisjoint(topics)  # which a run without them need not compute
+    run = Run(plan, Journal(), topics.__contains__, reports=reports, on_block=on_block)
     run.begin(0)
     yield run.changes()
     yield run.reports()

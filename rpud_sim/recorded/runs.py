@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, manifest_from_record
+from rpud_sim.bag.metadata import MANIFEST_RECORD, RECORDING_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND
@@ -43,6 +43,7 @@ from rpud_sim.simulation.versions import engine_of, other_engine
 
 _EARLIEST, _LATEST = -(2**63), 2**63 - 1  # no time is beyond [ns]
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
+_DIGITS = 20  # of a time in nanoseconds, at most
 _FIRST_ENGINE = 6  # that this release reads, of release 0.3
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "end")
 
@@ -332,6 +333,10 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
         if not (isinstance(engine, int) and engine >= _FIRST_ENGINE):
             raise RecordingError(f"{journal.name}: {other_engine(beginning)}")
     starts = [entries[0].publish_time for entries, _ in groups]
+    # Of runs that had ended when the recording began there is nothing but entries.
+    began = max((_began(each) for each in damages.records(bag, RECORDING_RECORD)), default=0)
+    ended = sum(start < began for start in starts[1:])
+    groups, starts = groups[ended:], starts[ended:]
     timed = any(e.publish_time != e.log_time for entries, _ in groups for e in entries)
     if len(groups) > 1 and not (timed and all(np.diff(starts) > 0)):
         raise UnverifiableError(
@@ -359,6 +364,12 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
     for run in found:
         journal.check(run.entries)
     return [_to_its_end(run, journal) for run in found]
+
+
+def _began(record: Mapping[str, str]) -> int:
+    """Return when a recording began [ns since the epoch], 0 if its record does not say it."""
+    text = record.get("began", "")
+    return int(text) if text.isdecimal() and len(text) < _DIGITS else 0
 
 
 def _discontinuity(last: JournalEntry, number: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
+_SHORT_WAIT = 0.2  # for acknowledgements, between looks at who lacks them [s]
 _SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 
@@ -30,6 +32,7 @@ class AcknowledgedPublisher:
     send: Callable[[bytes], object]
     depth: float  # messages that it keeps; infinite where one may be overwritten
     left: float  # messages that may follow before a wait
+    late: bool = False  # whether the last wait was in vain
 
     def acknowledged(self, seconds: float = 0.0) -> bool:
         """Wait until reliable subscribers have all messages; return whether they have."""
@@ -39,11 +42,14 @@ class AcknowledgedPublisher:
 class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
     """Publishers by topic; messages in a hurry wait for reliable subscribers, ``longest`` [s].
 
-    Beyond its depth a publisher overwrites messages, whether subscribers have them or not.
+    Beyond its depth a publisher overwrites messages, whether subscribers have them or not. Nothing
+    waits long for the topics that ``lost`` names: it says whether a subscriber of one has ended.
     """
 
-    def __init__(self, longest: float) -> None:
+    def __init__(self, longest: float, lost: Callable[[str], bool] = lambda _: False) -> None:
         super().__init__()
+        self.overwritten = Counter[str]()  # messages that a subscriber may lack, at most
+        self.lost = lost
         self._longest = longest
 
     def add(self, name: str, publisher: Publisher, depth: float) -> AcknowledgedPublisher:
@@ -66,19 +72,30 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
         """Publish a message; one that is ``hurried`` lets none be overwritten."""
         publisher = self[name]
         publisher.send(message)
+        if publisher.late:
+            self.overwritten[name] += 1
         # If its time has paced it, some of those before it may be unacknowledged all the same.
         publisher.left = publisher.left - 1 if hurried else publisher.depth / 2
         if publisher.left <= 0:
             # For all at once: waiting for the subscribers of one topic takes as long. All of the
             # depth is used the next time: Fast DDS asks for acknowledgement at once where it is,
             # and otherwise at every heartbeat.
-            self.wait(self._longest)
+            self._make_room()
 
     def renew(self) -> None:
         """Use the whole depth again where subscribers have all messages by now, without a wait."""
         for publisher in self.values():
             if publisher.left < publisher.depth / 2 and publisher.acknowledged():
                 publisher.left = publisher.depth
+
+    def _make_room(self) -> None:
+        deadline = time.monotonic() + self._longest
+        while lacking := self.wait(_SHORT_WAIT):
+            awaited = (name for name in lacking if not self[name].late)
+            if time.monotonic() >= deadline or all(map(self.lost, awaited)):
+                break
+        for name, publisher in self.items():
+            publisher.late = name in lacking
 
     def wait(self, seconds: float) -> list[str]:
         """Wait until reliable subscribers have all messages; return topics where some lack."""

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 from rpud_sim.bag import BagReader
+from rpud_sim.recorded import compare as _bags
 from rpud_sim.recorded.journal import held_journals
 from rpud_sim.recorded.runs import runs_of
+from rpud_sim.recorded.verify import Verification
+from rpud_sim.recorded.verify import verify as _verify_bag
 from rpud_sim.scripting.runs import DrillRun
 
 
@@ -41,3 +48,41 @@ class DrillBag(BagReader):
 def open(path: str | os.PathLike[str]) -> DrillBag:
     """Open a bag for reading; ``path`` is its directory or one MCAP file of it."""
     return DrillBag(path)
+
+
+class _Place(NamedTuple):
+    path: str | os.PathLike[str]
+    run: int | None = None
+    namespace: str | None = None
+
+
+@contextmanager
+def _place_of(source: str | os.PathLike[str] | DrillRun) -> Iterator[_Place]:
+    """Provide where a run is recorded; one in memory is for a while in a temporary bag."""
+    if not isinstance(source, DrillRun):
+        yield _Place(source)
+    elif source.recorded is not None:
+        yield _Place(source.recorded.path, source.recorded.number, source.recorded.namespace)
+    else:
+        with TemporaryDirectory(prefix="rpud_run_") as folder:
+            yield _Place(source.save(Path(folder, "run")))
+
+
+def verify(source: str | os.PathLike[str] | DrillRun) -> Verification:
+    """Verify a bag, or the bag of a run; see ``rpud_sim.recorded.verify``."""
+    with _place_of(source) as place:
+        return _verify_bag(place.path)
+
+
+def compare(*sources: Any, **options: Any) -> _bags.Comparison:
+    """Compare the second of two bags or runs, or of a list of two, with the first one.
+
+    Options are those of ``rpud_sim.recorded.compare``; a run of an open bag is that run of it.
+    """
+    with ExitStack() as held:
+        given = sources[0] if len(sources) == 1 else sources
+        places = [held.enter_context(_place_of(each)) for each in given]
+        if any(place.run for place in places):
+            options.setdefault("run_numbers", [place.run for place in places])
+            options.setdefault("namespaces", [place.namespace for place in places])
+        return _bags.compare([place.path for place in places], **options)

@@ -13,6 +13,7 @@ from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.verbs import verb
+from rpud_sim.scripting.growing_run import GrowingRun
 from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Clear, Inject, parameter_changes
@@ -55,7 +56,10 @@ class Drill:
     """
 
     # A misspelled attribute is an error, and no command without effect.
-    __slots__ = ("_begun", "_block", "_blocks", "_journal", "_run", "_seen", "_so_far", "_swings")
+    __slots__ = (
+        *("_begun", "_block", "_blocks", "_growing", "_journal", "_run", "_seen", "_so_far"),
+        "_swings",
+    )
 
     def __init__(
         self,
@@ -75,6 +79,7 @@ class Drill:
         self._blocks: list[Block] = []  # of the latest step
         self._swings = False  # whether a mount that swings was warned of
         self._seen: tuple[int, int] = (-1, 0)
+        self._growing = GrowingRun()
         self._run = Run(Plan(beginning), self._journal, wanted=None, on_block=self._keep)
         self._run.begin(0)
         self._run.take_over()
@@ -96,7 +101,8 @@ class Drill:
         seen = (self._run.time, self._journal.count)
         if seen != self._seen:
             self._seen = seen
-            self._so_far = DrillRun(Plan.of(self._journal.entries), self._run.time)
+            plan = Plan.of(self._journal.entries)
+            self._so_far = DrillRun(plan, self._run.time, growing=self._growing)
         return self._so_far
 
     def now(self) -> dict[str, float]:

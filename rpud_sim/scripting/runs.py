@@ -24,6 +24,7 @@ from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
+from rpud_sim.scripting.growing_run import GrowingRun
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block, first_sample
 from rpud_sim.simulation.changes import Change
@@ -54,6 +55,20 @@ _RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
 
 
+class _UnknownNameError(KeyError):
+    """Name of nothing that is there; as a text it has no quotes and escapes."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class _Figures(dict[str, Any]):
+    """Values of a run by their names."""
+
+    def __missing__(self, name: str) -> Any:
+        raise _UnknownNameError(f"no metric {name!r}; {did_you_mean(str(name), self)}")
+
+
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by their names, as read-only arrays; ``units`` has their SI units."""
 
@@ -64,7 +79,7 @@ class Columns(dict[str, np.ndarray]):
         self.units = dict(units)  # empty for a number without a unit
 
     def __missing__(self, name: str) -> np.ndarray:
-        raise KeyError(f"no column {name!r}; {did_you_mean(str(name), self)}")
+        raise _UnknownNameError(f"no column {name!r}; {did_you_mean(str(name), self)}")
 
     def __repr__(self) -> str:
         """Return the columns' names and units, and the number of rows."""
@@ -149,12 +164,14 @@ class DrillRun:
         end: int,
         bag: BagReader | None = None,
         recorded: RecordedRun | None = None,
+        growing: GrowingRun | None = None,
     ) -> None:
         self.plan = plan
         self.duration = end / SECOND  # simulated time [s]
         self._end = end
         self._bag = bag
-        self._recorded = recorded
+        self.recorded = recorded  # where it lies in a bag; None for one in memory
+        self._growing = growing  # of a drill that may go on
         self._columns: dict[str, Columns] = {}  # by topic
 
     @property
@@ -170,8 +187,8 @@ class DrillRun:
     @property
     def topics(self) -> tuple[str, ...]:
         """Names of the topics that have columns."""
-        if self._bag is not None and self._recorded is not None:
-            prefix = self._recorded.prefix
+        if self._bag is not None and self.recorded is not None:
+            prefix = self.recorded.prefix
             held = [each.topic.name for each in self._bag.readable_topics]
             own = {name.removeprefix(prefix) for name in held if name.startswith(prefix)}
             return tuple(sorted(own & set(TOPICS)))
@@ -182,12 +199,12 @@ class DrillRun:
         """Figures of the run in SI units, named as ``rpud simulate --json`` names them."""
         metrics = Metrics()
         self._advance(metrics.add)
-        return metrics.to_dict()
+        return _Figures(metrics.to_dict())
 
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""
         if topic not in self.topics:
-            raise KeyError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
+            raise _UnknownNameError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
         if topic not in self._columns:
             self._columns[topic] = self._read(topic) if self._bag else self._compute(topic)
         return self._columns[topic]
@@ -199,7 +216,7 @@ class DrillRun:
         """Return the simulation time of each row of a topic [s]."""
         columns = self[topic]
         stamps = columns["time"] if "time" in columns else columns["header.stamp"]
-        origin = self._recorded.origin if self._recorded is not None else 0
+        origin = self.recorded.origin if self.recorded is not None else 0
         return (stamps - origin) / SECOND
 
     def frame(self, topic: str) -> pandas.DataFrame:
@@ -268,17 +285,20 @@ class DrillRun:
         Run(self.plan, wanted=None, on_block=on_block).finish(self._end)
 
     def _compute(self, topic: str) -> Columns:
-        computed = run_batches(self.plan, self._end, (topic,))
-        batches = [each for part in computed for each in part if each.topic == topic]
-        names = drill_table(TOPICS[topic].type).columns
-        return _own_columns(rows_of(topic, batches), names)
+        growing = self._growing
+        found = None if growing is None else growing.columns(topic, self.plan, self._end)
+        if found is None:
+            computed = run_batches(self.plan, self._end, (topic,))
+            batches = [each for part in computed for each in part if each.topic == topic]
+            found = rows_of(topic, batches)
+        return _own_columns(found, drill_table(TOPICS[topic].type).columns)
 
     def _read(self, topic: str) -> Columns:
         assert self._bag is not None
-        assert self._recorded is not None
-        name = self._recorded.topic(topic)
+        assert self.recorded is not None
+        name = self.recorded.topic(topic)
         found = self._bag.arrays(name)
-        held = self._recorded.holds(found["publish_time"])
+        held = self.recorded.holds(found["publish_time"])
         return _own_columns(
             {name: values[held] for name, values in found.items()}, self._bag.columns(name)
         )

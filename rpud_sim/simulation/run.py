@@ -90,7 +90,8 @@ class Run:
         self._on_block = on_block
         self._rejected = rejected
         self._silent = wanted is None
-        self._telemetry = Telemetry(settings, beginning.seed, wanted or (lambda topic: False))
+        self._wanted = wanted or (lambda topic: False)
+        self._telemetry = Telemetry(settings, beginning.seed, self._wanted)
         self._simulation = Simulation(settings.configuration, beginning.initial_phase, buffers)
         self._control = Control(self._simulation, self._put, settings, active)
         self._watches = False  # from ``take_over`` on
@@ -254,8 +255,8 @@ class Run:
         yield from _made(self._telemetry.take_pending())
 
     def reports(self, state: str = "running") -> list[Batch]:
-        """Return the messages of a report: power, and a status with a STATE."""
-        return [self.power(), self.status(state)]
+        """Return the messages of a report: power if it is wanted, and a status with a STATE."""
+        return [*([self.power()] if self._wanted("power") else []), self.status(state)]
 
     def power(self) -> Batch:
         header = header_fields("power", self.origin + self.time)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rclpy.serialization import deserialize_message
 
+from rpud_sim.foundation.quantities import counted
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.testing.disturbances import DisturbedStep
@@ -152,7 +153,7 @@ def _of_topic(
 
 def _count(heard: HeardMessages, place: int) -> str:
     more = len(heard.payloads) - place
-    return f"{more} more message{'s' * (more != 1)}" if more else "no more message"
+    return counted(more, "more message") if more else "no more message"
 
 
 def _of_journals(

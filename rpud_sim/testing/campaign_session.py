@@ -53,10 +53,11 @@ class CampaignItem(pytest.Item):
         self.rpud_attempt: RecordedAttempt | None = None
 
     def runtest(self) -> None:
-        """Fly the run; a failed verdict fails the test, an undecided one another run may decide."""
+        """Run it; a failed verdict fails the test, an undecided one another run may decide."""
         from rpud_sim.testing.campaign_runs import BROKEN, recorded_attempt, run_once
 
         system = self._campaign.system
+        self.rpud_attempt = None  # that of a run before, if this one repeats it
         try:
             drill = take_drill(self, self._run.setup, system.place)
             self.rpud_attempt = run_once(drill, self._run, system, self._campaign.expectations)

@@ -15,7 +15,7 @@ from rpud_msgs.srv import StepSimulation
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
+from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError, RefusedError
 from rpud_sim.ros.client.listening_node import to_time
 from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, TOPICS
 from rpud_sim.testing.attempt_records import TEST_CLIENT, Heard, heard_of
@@ -271,7 +271,10 @@ class Lockstep:
                 if accompanied or collector.hears_others:
                     length = min(length, _LONGEST_ADVANCE)
                 with self._guarded():
-                    response = self._client.advance(length, self._computed.count, shuffle)
+                    try:
+                        response = self._client.advance(length, self._computed.count, shuffle)
+                    except RefusedError as error:
+                        raise LostMessagesError(str(error)) from error
                 collector.time = join_seconds(response.time.sec, response.time.nanosec)
                 collector.published = self._client.published
                 self._computed.add(response.entries)

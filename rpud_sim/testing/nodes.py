@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import DiscoveryProbe, node_name
@@ -17,6 +18,10 @@ from rpud_sim.testing.collector import Collector, StoredTopic
 
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
 _EVENTS = "/parameter_events"  # a topic on which every node publishes
+# Parts of the identifier of an endpoint, as Fast DDS makes it.
+_PARTICIPANT = slice(0, 12)
+_PROCESS = slice(0, 8)  # equal for all participants of one process
+_PROCESS_ID = slice(4, 6)  # its lower half, the lowest byte first
 
 
 class DiscoveryHandshake:
@@ -36,7 +41,7 @@ class DiscoveryHandshake:
             collector.node.get_fully_qualified_name(),
             collector.resolve("drill_node"),
         }
-        self._gone: set[bytes] = set()  # publishers of ended processes that are still remembered
+        self._gone: set[bytes] = set()  # participants of ended processes, still remembered
         self._discovered: set[bytes] = set()  # publishers whose nodes have answered
         self._probes: dict[str, DiscoveryProbe] = {}  # of the test, by node
         self._begun: dict[bytes, float] = {}  # when publishers were seen first [s]
@@ -52,7 +57,7 @@ class DiscoveryHandshake:
         return {
             gid: name
             for gid, name in found.items()
-            if gid not in self._gone and name not in self._not_tested
+            if gid[_PARTICIPANT] not in self._gone and name not in self._not_tested
         }
 
     def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
@@ -117,15 +122,27 @@ class DiscoveryHandshake:
             probe.close()
         self._probes.clear()
 
-    def part(self, answers: Mapping[bytes, str]) -> None:
-        """Forget the nodes that are there: others take their places.
+    def forget(self, processes: Collection[int]) -> None:
+        """Forget everything of processes that have ended, by their numbers.
 
         The middleware remembers a killed process for up to 20 s.
         """
-        self._gone.update(answers)
-        for topic in (*ALL_COMMAND_TOPICS, _EVENTS):
-            self._gone.update(self.publishers(topic))
+        numbers = {process.to_bytes(8, "little")[:2] for process in processes}
+        found = {bytes(each.endpoint_gid) for each in self._published()}
+        self._gone.update(gid[_PARTICIPANT] for gid in found if gid[_PROCESS_ID] in numbers)
+
+    def part(self) -> None:
+        """Forget all processes but those of the drill and the test: others take their places."""
+        found = {bytes(each.endpoint_gid): node_name(each) for each in self._published()}
+        kept = {gid[_PROCESS] for gid, name in found.items() if name in self._not_tested}
+        self._gone.update(gid[_PARTICIPANT] for gid in found if gid[_PROCESS] not in kept)
         self.renew()
+
+    def _published(self) -> list[TopicEndpointInfo]:
+        """Return the publishers of all topics."""
+        node = self._collector.node
+        topics = [topic for topic, _ in node.get_topic_names_and_types()]
+        return [each for topic in topics for each in node.get_publishers_info_by_topic(topic)]
 
     def _callers(self) -> dict[bytes, str]:
         """Return publishers of the nodes that have a client of one of the drill's services."""

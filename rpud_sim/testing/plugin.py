@@ -44,6 +44,7 @@ _UNOBSERVED = (
 
 _SEED = "rpud_shake_seed"
 _ERROR = pytest.StashKey[str]()  # in the mark of an item
+_PROPERTIES = pytest.StashKey[list[tuple[str, object]]]()  # those of this plugin, of an item
 _PAGES = pytest.StashKey[Executor]()  # that writes report pages, one at a time
 
 
@@ -85,6 +86,11 @@ def pytest_configure(config: pytest.Config) -> None:
     getattr(config.pluginmanager.rewrite_hook, "_must_rewrite", set()).discard("rpud_sim")
     config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning:lark")
     config.pluginmanager.register(CampaignSession(config), NAME)
+    if config.option.rpud_shake and getattr(config.option, "reruns", 0):
+        raise pytest.UsageError(
+            "--reruns has no effect with --rpud-shake, which finds tests that do not repeat: give "
+            "one of them"
+        )
     if config.option.rpud_shake_seed is None:
         given = getattr(config, "workerinput", {})  # of a worker of xdist
         config.option.rpud_shake_seed = given.get(_SEED, secrets.randbelow(1_000_000))
@@ -123,6 +129,14 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         raise pytest.UsageError(*errors)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Forget the properties of an earlier run of the item, which has failed and is repeated."""
+    own = item.stash.setdefault(_PROPERTIES, [])
+    item.user_properties[:] = [each for each in item.user_properties if each not in own]
+    own.clear()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Warn of a test that has passed, and whose drills might have done anything.
@@ -151,6 +165,8 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         return None
     from rpud_sim.testing.shake import shake
 
+    if item.get_closest_marker("flaky") is not None:
+        item.warn(pytest.PytestWarning("the mark flaky has no effect with --rpud-shake"))
     shake(item, nextitem, option.rpud_shake, option.rpud_shake_seed)
     return True
 
@@ -165,13 +181,13 @@ def pytest_runtest_makereport(
     drills = item.stash.get(DRILLS, [])
     if not drills:
         return
-    properties = []
+    properties: list[tuple[str, object]] = []
     if call.when == "call":
         properties += [("rpud_verdict", text) for drill in drills for text in drill.verdict_lines]
     keep = item.config.getoption("rpud_keep") and call.when == "call"
     name = item.config.getoption("rpud_artefacts")
     if not name or not (report.failed or keep):
-        item.user_properties += properties
+        _add_properties(item, properties)
         return
     from rpud_sim.testing.artefacts import leave_artefacts
 
@@ -180,7 +196,7 @@ def pytest_runtest_makereport(
     pages = item.config.stash[_PAGES]
     folder = Path(item.config.rootpath, name)
     text, places = leave_artefacts(folder, item.nodeid, drills, pages, report.longreprtext)
-    item.user_properties += [*properties, *places]
+    _add_properties(item, [*properties, *places])
     if hasattr(report.longrepr, "addsection"):
         report.longrepr.addsection("rpud_sim", text)
     else:
@@ -249,6 +265,11 @@ def recording(drill: LockstepDrill, tmp_path: Path) -> Iterator[Recording]:
     record = Recording(drill, tmp_path / "recording")
     yield record
     record.stop()
+
+
+def _add_properties(item: pytest.Item, properties: list[tuple[str, object]]) -> None:
+    item.user_properties += properties
+    item.stash[_PROPERTIES] += properties
 
 
 def _count(text: str) -> int:

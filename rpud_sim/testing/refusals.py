@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
+from rpud_sim.foundation.quantities import counted
 from rpud_sim.ros.client import ClientError, DrillClient
 from rpud_sim.testing.errors import DrillError
 
@@ -34,7 +35,7 @@ class Refusals:
         with contextlib.suppress(ClientError, DrillError):
             self._client.until(lambda: len(self._reasons) >= count, _PATIENCE)
         reason = self._reasons[-1] if self._reasons else "its reason has not arrived"
-        return f"{count} command{'s' * (count > 1)} refused, the last: {reason}"
+        return f"{counted(count, 'command')} refused, the last: {reason}"
 
     def _take(self, topic: str, message: Any, published: int) -> None:
         # Messages with an earlier number are of the run before.

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rpud_msgs.msg import Status
 
-from rpud_sim.foundation.child_process import ChildProcess, stop_all
+from rpud_sim.foundation.child_process import ChildProcess, group_of, stop_all
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import node_name
@@ -22,7 +22,7 @@ from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
 from rpud_sim.testing.nodes import Answers, DiscoveryHandshake
 
-_START = 30.0  # that nodes may take to start which the test does not start itself [s]
+_START = 30.0  # that nodes may take to answer where the test starts none itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
 _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
 _POLL_PERIOD = 0.01  # between looks at the graph, whose changes send no signal [s]
@@ -37,7 +37,9 @@ class SystemUnderTest(ChildProcess):
 
     expected = False  # whether it may end: the test has ended it
     paused = False  # whether the test has stopped it
+    forgotten = False  # whether it has ended, and nothing awaits its nodes any more
     note: Callable[[str], None]  # writes down what the test does with it
+    members: Sequence[int] = ()  # numbers of all its processes when it was killed
 
     def stop(self) -> None:
         """End it; that it is gone is no failure."""
@@ -48,6 +50,7 @@ class SystemUnderTest(ChildProcess):
     def kill(self) -> None:
         """Kill it; its end is no failure."""
         self.expected = True
+        self.members = self.members or group_of(self.pid)
         super().kill()
 
     def send(self, number: int) -> None:
@@ -93,6 +96,7 @@ class Systems:
         # longest wait, topics and commands of tests in which these have never published or answered
         self._silent: set[tuple[object, ...]] = set()
         self._count = 0
+        self._patience = _START
 
     def start(
         self,
@@ -108,6 +112,7 @@ class Systems:
         words = _words(command)
         if self._ended:
             self._part()
+        self._forget_ended()
         before = {topic: self._subscribers(topic) for topic in subscribes_to}
         calm = self._calm()
         system = self._started(words, folder, name)
@@ -120,10 +125,8 @@ class Systems:
                 topic: {g: n for g, n in self._subscribers(topic).items() if g not in known}
                 for topic, known in before.items()
             }
-            answering = self._answers.connect()
+            self._answers.connect()  # as far as there are publishers: others may start later
             unknown = self._undiscovered(dict(ChainMap(*hearing.values())))
-            if not answering:
-                return f"does not publish on all of {', '.join(self._answers.names)}"
             if silent := [topic for topic, nodes in hearing.items() if not nodes]:
                 names = (t if t in TOPICS else t + suggestion(t, TOPICS) for t in silent)
                 return f"does not subscribe to {', '.join(names)}"
@@ -133,6 +136,7 @@ class Systems:
                 return f"has not printed {ready!r}"
             return "is not ready" if callable(ready) and not ready() else ""
 
+        self._patience = timeout
         if lacking := self._await(lack, timeout, self._unpublished, _POLL_PERIOD):
             raise self._failure_of(system, "silent", lacking)
         return system
@@ -168,6 +172,7 @@ class Systems:
     def await_answerers(self) -> None:
         """Wait until the nodes that shall answer are there, and know the test's subscriptions."""
         answers = self._answers
+        self._forget_ended()
         if self._ended or not answers.declared:
             return
         if answers.discovered:
@@ -179,7 +184,7 @@ class Systems:
                 return ""
             return f"no publisher on {' and '.join(answers.names)}"
 
-        if lacking := self._await(lack, _START, self._unpublished, _POLL_PERIOD):
+        if lacking := self._await(lack, self._patience, self._unpublished, _POLL_PERIOD):
             raise self._failure(", ".join(answers.names), "silent", lacking, self.processes)
         answers.discovered = True
         self._check_publishers()
@@ -226,6 +231,7 @@ class Systems:
             system.resume()
         stop_all(self.processes)
         self.processes.clear()
+        self._patience = _START
 
     def _await(
         self, lack: Callable[[], str], longest: float, vain: Callable[[], bool], *period: float
@@ -250,13 +256,16 @@ class Systems:
 
     def _part(self) -> None:
         self._answers.discovered = False
-        self._handshake.part(self._answers.publishers)
+        self._handshake.part()
+
+    def _forget_ended(self) -> None:
+        for system in self.processes:
+            if not (system.running or system.forgotten):
+                system.forgotten = True
+                self._handshake.forget([system.pid, *system.members])
 
     def _check_publishers(self) -> None:
-        # A publisher of a process that has ended may still be remembered.
-        if all(system.running for system in self.processes) and (
-            crowd := self._answers.too_many_publishers()
-        ):
+        if crowd := self._answers.too_many_publishers():
             raise ParameterError(f"with_answers: {crowd}")
 
     @property

@@ -98,6 +98,14 @@ def test_a_jammed_drill_is_jammed_and_one_without_drive_has_no_impacts():
     assert "jammed" not in off
 
 
+def test_one_of_something_is_named_in_the_singular():
+    late = Drill(rock_model="specific_energy").report(requests=1)
+    one = late._replace(status={**late.status, "impacts": 1, "commands_accepted": 1})
+    text = summary_text(one.figures, one)
+    assert "\n1 impact, 0 deadlines missed, 1 command accepted, " in text
+    assert "\n1 request refused" in text
+
+
 def test_in_80_columns_all_that_matters_is_there():
     drill = Drill(rock_model="specific_energy")
     for fault in (Fault("hard_rock"), Fault("lost_preload"), Fault("off", "wrench")):

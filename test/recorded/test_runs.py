@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from altered_bags import altered, copied, edited, merged, messages_of, numbered, unchanged
 from forked_runs import JOURNAL, MILLISECOND, SECOND, START, entries_of
+from recorded_bags import rewritten
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
@@ -130,6 +131,19 @@ def test_a_journal_that_begins_with_a_later_run_proves_that_run(used, tmp_path):
     assert verification.begins == run.entries[0].stamp
     assert verification.undecided.endswith("messages are of before the journal begins")
     assert verification.topics["/rpud/faults"].before > 0
+
+
+def test_a_run_that_had_ended_when_the_recording_began_is_none_of_the_bag(used, tmp_path):
+    _, second = runs_in(used.path)
+    for late, number in ((-1, 2), (1, 1)):
+        began = second.entries[0].publish_time + late
+        records = {"rpud_recording": {"began": str(began)}}
+        path = rewritten(used.path, tmp_path / str(number), records=records)
+        assert len(runs_in(path)) == number
+    [run] = runs_in(path)
+    assert (run.number, run.entries) == (1, second.entries)
+    path = rewritten(used.path, tmp_path / "odd", records={"rpud_recording": {"began": "9" * 99}})
+    assert len(runs_in(path)) == 2
 
 
 # --- what a journal has to hold ----------------------------------------------------------------

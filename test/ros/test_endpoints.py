@@ -68,6 +68,16 @@ def test_what_its_time_paces_leaves_half_of_the_depth_for_a_hurry(made):
     assert publishers["few"].asked == [52]
 
 
+def test_what_is_overwritten_before_subscribers_have_it_is_counted_by_topic(made):
+    sent, publishers = made
+    publishers["few"].answers = False
+    send(sent, "few", 7)
+    assert sent.overwritten == {"few": 3}
+    publishers["few"].answers = True
+    send(sent, "few", 5)
+    assert sent.overwritten == {"few": 4}
+
+
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -9,6 +9,7 @@ import pytest
 import rpud_sim
 from rpud_sim import testing
 from rpud_sim.ros.client import DrillClient
+from rpud_sim.scripting import growing_run
 
 WORDS = (
     *("press", "drive", "feed", "move", "engage", "inject", "clear"),
@@ -55,6 +56,31 @@ def test_its_run_has_the_bits_of_its_steps(tmp_path):
     with rpud_sim.open(tmp_path / "bag") as bag:
         assert bag.runs[0]["reacting_force"]["force"].tolist() == forces[1::2]
         assert bag.runs[0]["journal"]["kind"].tolist().count("origin") == 1
+
+
+def test_its_run_is_computed_on_from_where_it_was_and_equals_a_whole_one(monkeypatch):
+    drill, runs = rpud_sim.Drill(weight_on_bit=8, seed=4), []
+    computed = growing_run.Run
+    monkeypatch.setattr(growing_run, "Run", lambda *given: runs.append(given) or computed(*given))
+    for number in range(30):
+        drill.press(8 + number % 3)
+        if number == 20:
+            drill.inject("noise", "wrench", duration=0.05)
+        early = drill.run
+        drill.step(0.013)
+        for topic in ("reacting_force", "faults", "wrench"):
+            drill.run[topic]
+    assert len(runs) == 3
+    whole = pickle.loads(pickle.dumps(drill.run))  # which is computed anew
+    assert early.duration == pytest.approx(0.377)
+    for topic in whole.topics:
+        for name, column in whole[topic].items():
+            assert str(drill.run[topic][name].tolist()) == str(column.tolist())
+    for topic in ("reacting_force", "contact_force", "wrench"):
+        rows = len(early[topic]["header.stamp"])
+        assert rows < len(whole[topic]["header.stamp"])
+        for name, column in early[topic].items():
+            assert str(column.tolist()) == str(whole[topic][name][:rows].tolist())
 
 
 def test_a_reset_begins_again_with_the_same_or_another_seed():

@@ -75,6 +75,16 @@ def test_a_waveform_has_any_rate_and_meets_the_samples(run):
     assert (np.concatenate(parts) == run.waveform(7_777)["time"]).all()
 
 
+def test_runs_in_memory_are_verified_and_compared(tmp_path):
+    run, other = rpud_sim.simulate(1.0), rpud_sim.simulate(1.0, weight_on_bit=20.0)
+    assert rpud_sim.verify(run).proved
+    [setting] = rpud_sim.compare(run, other).settings
+    assert (setting.name, setting.values) == ("weight_on_bit", ("8", "20"))
+    with rpud_sim.open(run.save(tmp_path / "bag")) as bag:
+        assert rpud_sim.compare([bag.runs[0], other]).settings == (setting,)
+        assert rpud_sim.compare(bag.runs[0], run).settings == ()
+
+
 @pytest.mark.parametrize("values", [{}, ARM], ids=["drilling", "arm"])
 def test_a_saved_run_has_the_same_face_and_is_proved(tmp_path, values):
     faults = ["lost_preload", {"kind": "noise", "channel": "wrench", "onset": 0.2}]
@@ -171,6 +181,9 @@ for act in (run.plot, lambda: run.frame("wrench"), lambda: compare(bags)):
 def test_unknown_topics_and_columns_name_the_nearest(run):
     with pytest.raises(KeyError, match="did you mean contact_force"):
         run["contact_forc"]
+    rates = "actuator_impact_rate, drill_tool_impact_rate, squeezed_impact_rate"
+    with pytest.raises(KeyError, match=f"^no metric 'impact_rate'; did you mean {rates}"):
+        run.figures["impact_rate"]
     with pytest.raises(KeyError, match="did you mean peak_force"):
         run["contact_force"]["peak_forces"]
 

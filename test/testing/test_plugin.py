@@ -179,6 +179,27 @@ def test_undecided_is_an_error_of_every_reporter(pytester):
     result.stdout.fnmatch_lines(["ERROR *::test_a - *"])
 
 
+def test_each_run_of_a_test_that_is_run_again_has_its_own_verdicts(pytester):
+    pytester.makepyfile("""
+        from rpud_sim.verdicts import always, signal
+        runs = []
+
+        def test_a(drill):
+            runs.append(1)
+            drill.step(0.1)
+            force = signal("reacting_force.force")
+            drill.expect(always(force < f"{len(runs) - 1} MN"), name=f"run {len(runs)}")
+    """)
+    options = ("-p", "no:cacheprovider", "--rpud-artefacts=", "--junitxml=found.xml", "--reruns=1")
+    pytester.runpytest_subprocess(*options).assert_outcomes(passed=1)
+    found = ElementTree.parse(pytester.path / "found.xml").iter("property")
+    verdicts = [" ".join(each.get("value").split()[:3]) for each in found]
+    assert verdicts == ["run 1: failed:", "run 2: passed,"]
+    shaken = pytester.runpytest_subprocess(*options, "--rpud-shake=1")
+    assert shaken.ret == pytest.ExitCode.USAGE_ERROR
+    shaken.stderr.fnmatch_lines(["*--reruns has no effect with --rpud-shake*"])
+
+
 def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(pytester):
     pytester.makepyfile("""
         import pytest

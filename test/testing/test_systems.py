@@ -15,8 +15,8 @@ from rpud_sim.verdicts import signal as field
 HEARTBEAT = "supervisor/heartbeat"
 
 
-def supervise(drill, how="works", node="supervisor"):
-    remap = f"--ros-args -r __ns:={drill.namespace} -r __node:={node}"
+def supervise(drill, how="works", node="supervisor", answers=HEARTBEAT):
+    remap = f"--ros-args -r __ns:={drill.namespace} -r __node:={node} -r {HEARTBEAT}:={answers}"
     return drill.start(
         f"python ../helpers/supervisor.py {how} {remap}", subscribes_to=("reacting_force",)
     )
@@ -72,6 +72,21 @@ def test_a_node_in_the_place_of_a_killed_one_is_introduced_anew(drill):
         drill.step(0.2)
         assert drill.status.commands_accepted == 2 * number
         supervisor.kill()
+
+
+def test_a_killed_node_is_forgotten_with_all_that_it_published(drill):
+    drill.with_answers(HEARTBEAT, "alive")
+    supervisor = supervise(drill)
+    supervise(drill, node="watchdog", answers="alive")
+    drill.step(0.2)
+    supervisor.kill()
+    drill.with_answers("alive")
+    drill.step(0.2)  # a warning says where it waits for the parameters of a node that is gone
+    drill.begin(0)
+    drill.with_answers(HEARTBEAT)
+    supervise(drill)
+    drill.step(0.2)
+    assert drill.status.commands_accepted == 2
 
 
 @pytest.mark.extended

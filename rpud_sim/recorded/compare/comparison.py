@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import rpud_sim.bag
 from rpud_sim.foundation.json_text import finite_values
-from rpud_sim.foundation.quantities import ParameterError, check_names
+from rpud_sim.foundation.quantities import ParameterError, check_names, counted
 from rpud_sim.foundation.shown_quantities import NONE, ShownQuantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
@@ -208,7 +208,7 @@ def compare(
         if not run.span:
             warnings.append(f"{name}: no message shows its time")
         if run.missing_impacts:
-            warnings.append(f"{name}: {run.missing_impacts} impacts are missing in the bag")
+            warnings.append(f"{name}: missing in the bag: {counted(run.missing_impacts, 'impact')}")
     first = max([begin, *(run.begin for run in runs)])
     last = min([math.inf if end is None else end, *(run.end for run in runs)])
     timed = all(run.span for run in runs)

@@ -20,7 +20,7 @@ from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.messages.encoder import Encoder
 from rpud_sim.ros.drill.drawn_order import DrawnOrder
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
-from rpud_sim.ros.graph import members_of, message_class
+from rpud_sim.ros.graph import has_lost_subscriber, members_of, message_class
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic
@@ -38,8 +38,8 @@ OF_NODE = {
 DESCRIPTION = DrillTopic("std_msgs/msg/String", 1, latched=True, frame="", complete=False)
 # Latched, so that a node that joins a paused drill receives the time.
 CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
-# That a simulation which nothing paces waits for a subscriber that does not answer [s].
-_LONGEST_WAIT = 1.0
+# That a simulation which nothing paces waits for a running subscriber that does not answer [s].
+_LONGEST_WAIT = 10.0
 _REPORT_WAIT = 0.5  # for those that lack the last report [s]
 _REPORTS = ("power", "timing", "status")
 
@@ -80,8 +80,9 @@ class DrillPublishers:
         # Not for ever: a subscriber that was killed never acknowledges.
         self._awaited = dict.fromkeys(_REPORTS, True)
         # Of the topics that a simulation has, and of the others.
-        self.own = AcknowledgedPublishers(_LONGEST_WAIT)
-        self._others = AcknowledgedPublishers(_LONGEST_WAIT)
+        lost = partial(has_lost_subscriber, node)
+        self.own = AcknowledgedPublishers(_LONGEST_WAIT, lost)
+        self._others = AcknowledgedPublishers(_LONGEST_WAIT, lost)
         self.journal = JournalStore()
         self._encoders: dict[str, Encoder] = {}
         self._telemetry = frozenset(name for name, topic in offered.items() if not topic.latched)
@@ -106,6 +107,19 @@ class DrillPublishers:
     def published(self) -> Mapping[str, int]:
         """Messages of each topic since its publisher exists, as the middleware numbers them."""
         return {name: self._published[name] for name in self.own}
+
+    def undelivered(self) -> dict[str, bool]:
+        """Return lines about messages that a subscriber may lack, new since the last call.
+
+        And whether all subscribers of that topic run.
+        """
+        lines = {}
+        for name, count in sorted(self.own.overwritten.items()):
+            lost = self.own.lost(name)
+            reason = "has ended or stands" if lost else f"did not take them in {_LONGEST_WAIT:g} s"
+            lines[f"up to {count} messages of {name} are lost: a subscriber {reason}"] = not lost
+        self.own.overwritten.clear()
+        return lines
 
     def look(self) -> None:
         """Find the topics to publish: those that have had a subscriber since the run began.

@@ -247,6 +247,8 @@ class DrillServices:
         if request.entries_from and (session := self._loop.session) is not None:
             entries = session.publishers.journal.read(request.entries_from)
             response.entries = [deserialize_message(data, JournalEntry) for _, data in entries]
+        if reached.failure:
+            raise RequestError(reached.failure, Result.RESULT_OPERATION_FAILED)
 
     def _step(self, request: StepSimulation.Request, response: Any) -> None:
         length = join_seconds(request.duration.sec, request.duration.nanosec)

@@ -130,11 +130,11 @@ class Session:
 
     def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Let simulation time begin, now or with the first ``/clock``, until a stop."""
-        configuration = self.settings.configuration
+        configuration, status = self.settings.configuration, self.run.status().fields
         # The first line that a process logs takes tens of milliseconds: before time zero, then.
         self._logger.info(
             f"drilling: regime {configuration.parameters.regime}, "
-            f"weight on bit {configuration.parameters.weight_on_bit:g} N, "
+            f"weight on bit {status['weight_on_bit']:g} N, "
             f"drive {'on' if configuration.drive_enabled else 'off'}"
         )
         self.timeline.source.wait(stop, serve)
@@ -233,9 +233,14 @@ class Session:
             timeline.goal = None
         if due or reached:
             self.report(waits=timeline.standing and not reached)
+        if reached or (due and not stepping):
+            undelivered = self.publishers.undelivered()
+            for line in undelivered:
+                self._logger.warning(line)
         if reached:
             status = self.reporter.last.status if self.reporter.last is not None else {}
-            timeline.reach(Reached(self.stamp, self.publishers.published, status))
+            failure = "; ".join(line for line, fails in undelivered.items() if fails)
+            timeline.reach(Reached(self.stamp, self.publishers.published, status, failure))
 
     def report(self, state: str = "", *, waits: bool = False) -> None:
         """Publish changes and the status, in the present state or another one.

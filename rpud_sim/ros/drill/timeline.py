@@ -37,6 +37,7 @@ class Reached(NamedTuple):
     stamp: int  # of the simulation time that was reached [ns]
     published: Mapping[str, int]  # messages by topic until then, since its publisher exists
     status: Fields  # at the end
+    failure: str = ""  # what was not delivered
 
 
 class TimeSource:

@@ -57,7 +57,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         max_file_size=options.max_bag_size,
         max_file_duration=options.max_bag_duration,
     ) as bag:
-        bag.add_record(RECORDING_RECORD, {"max_loss": str(options.max_loss)})
+        bag.add_record(RECORDING_RECORD, _recording(options))
         writing = WritingThread(
             *(intake, bag, options.max_loss, stop.request, options.max_disk, options.min_free),
             node.clock,
@@ -97,6 +97,10 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         lacking = "nothing came on /clock, so log times are of this machine's clock"
         reason = "; ".join(filter(None, [reason, lacking]))
     return RecordResult(text, reason)
+
+
+def _recording(options: RecordOptions) -> dict[str, str]:
+    return {"max_loss": str(options.max_loss), "began": str(time.time_ns())}
 
 
 def _collect(

@@ -215,12 +215,13 @@ class Playback:
         self.rate = rate
 
     def seek(self, position: int) -> None:
-        """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
-        if position > self._last:
-            raise RequestError(
-                f"time = {position / SECOND:.3f} s is after the last, {self._last / SECOND:.3f} s"
-            )
-        self._go(max(self._first, position))
+        """Go to a time of the bag [ns], from the first to the last that is played."""
+        if not self._first <= position <= self._last:
+            where, end = "after the last", self._last
+            if position < self._first:
+                where, end = "before the first", self._first
+            raise RequestError(f"time = {position / SECOND:.3f} s is {where}, {end / SECOND:.3f} s")
+        self._go(position)
 
     def play_next(self) -> None:
         """Publish the next message of a paused playback; its time is the position then."""

@@ -23,7 +23,7 @@ from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.ros.threads import RequestError
 from rpud_sim.simulation.changes import SetOrigin
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.topics import PROVED
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
@@ -173,6 +173,26 @@ def slow(drill):
     """Let the making of a block take twice as long as it lasts."""
     drill.publishers.meanwhile = lambda: drill.clock.sleep(0.02)
     return drill
+
+
+def test_the_first_line_has_the_weight_on_bit_that_acts(make, capfd):
+    given = to_settings({"feed_model": "given"}).configuration
+    for configuration, weight in (Settings().configuration, "8 N"), (given, "0 N"):
+        drill = make(configuration=configuration)
+        drill.start_time(threading.Event(), lambda: None)
+        assert f"regime drilling, weight on bit {weight}, drive on" in capfd.readouterr().err
+
+
+def test_a_step_that_could_not_deliver_says_what_a_running_subscriber_lacks(drill, monkeypatch):
+    step, own = drill.step(20_000_000), drill.publishers.own
+    own.overwritten.update(contact_force=7, wrench=2)
+    monkeypatch.setattr(own, "lost", lambda name: name == "wrench")
+    drill.finish_step()
+    expected = "up to 7 messages of contact_force are lost: a subscriber did not take them in 10 s"
+    assert step.result().failure == expected
+    step = drill.step(40_000_000)
+    drill.finish_step()
+    assert step.result().failure == ""
 
 
 def test_without_time_they_wait_but_not_longer_than_two_periods_of_theirs(playing):
