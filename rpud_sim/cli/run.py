@@ -62,7 +62,7 @@ _READY = "recording\n"  # that the recorder prints when it records
     PARAMETERS,
     duration=run_time_option(),
     record=option(
-        None, "record the namespace into a new bag, by a recorder process", metavar="DIR"
+        None, "record the namespace into a new bag, by a recorder process", metavar="DIR", new=True
     ),
     max_loss=option(
         RecordOptions.max_loss,
@@ -144,7 +144,6 @@ def _drill_and_record(
     if stop.wait(0.0):
         complain(program, _NO_BAG)
         return ExitCode.DONE
-    existed = Path(record).exists()  # then the recorder refuses it
     recorder = ChildProcess(
         (
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
@@ -156,7 +155,7 @@ def _drill_and_record(
     )
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
         stopped = stop.requested
-        if stopped and not existed:
+        if stopped:
             recorder.end(signal.SIGTERM, seconds=_RECORDER_END)
             if not Path(record).exists():  # the signal came while it started
                 complain(program, _NO_BAG)

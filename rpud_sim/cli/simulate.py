@@ -41,7 +41,7 @@ _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
     repeat=option(1, "runs over initial vibration phases, for standard errors", _REPEAT),
     seed=option(None, "seed of initial phases, scenario and noise (default: the file's)", SEED),
     commands=option(None, "commands and faults at their times, as of rpud fork", metavar="FILE"),
-    bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
+    bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR", new=True),
 )
 def _run(options: Any) -> int:
     if options.bag and options.repeat > 1:
@@ -156,7 +156,7 @@ def _show(line: str) -> None:
         metavar="KIND[,KEY=VALUE...]",
     ),
     commands=option(None, "faults, and commands instead of the recorded ones", metavar="FILE"),
-    out=option(None, "write a new bag; with --live record it", metavar="DIR"),
+    out=option(None, "write a new bag; with --live record it", metavar="DIR", new=True),
     live=option(False, "continue as a drill node, on ROS topics"),
     run=run_number_option(),
     topic=option(None, "topic of the journal, if there are several", metavar="NAME"),

@@ -419,6 +419,9 @@ def _show(playback: Playback, first: int, bar: Any) -> None:
     bar.update(0)
 
 
+_WHY = "--wait-for-subscribers begins when every topic has one; --topics selects topics"
+
+
 def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> None:
     deadline = time.monotonic() + DISCOVERY_TIME
     logged = False
@@ -428,7 +431,7 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
                 break
             if not logged:
                 names = listed(unsubscribed)
-                node.get_logger().info(printable(f"waiting for subscribers of {names}"))
+                node.get_logger().info(printable(f"waiting for a subscriber of {names}: {_WHY}"))
                 logged = True
         if stop.wait(_POLL_PERIOD):
             return
