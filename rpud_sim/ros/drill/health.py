@@ -63,8 +63,7 @@ class Report(NamedTuple):
 
 _TIMING = ("real_time_factor", "lateness_max", "lag", "deadlines_missed")  # that a pacer measures
 
-# What each entry of the diagnostics shows, where there is such a value.
-_SHOWN = {
+KEYS = {
     "timing": (
         "real_time_factor, blocks, deadlines_missed, lateness [s], lateness_max [s], "
         "lateness_p50 [s], lateness_p99 [s], lateness_p99.9 [s], lag [s], impact_delay_p50 [s], "
@@ -83,6 +82,7 @@ _SHOWN = {
     ),
     "messages": "messages_dropped, journal_dropped",
 }
+"""Keys of each entry of /diagnostics; a value that does not exist is left out."""
 
 
 def diagnose(run: Run, values: Fields, period: float) -> list[Fields]:
@@ -106,7 +106,7 @@ def diagnose(run: Run, values: Fields, period: float) -> list[Fields]:
                 if (value := values.get(key.partition(" ")[0])) is not None and value == value
             ],
         }
-        for part, keys in _SHOWN.items()
+        for part, keys in KEYS.items()
     ]
 
 
