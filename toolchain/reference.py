@@ -12,7 +12,7 @@ from typing import Any
 
 import rpud_sim
 from rpud_sim.cli.main import build_parser, load_command
-from rpud_sim.foundation.shown_quantities import QUANTITIES
+from rpud_sim.foundation.verbs import VERBS
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.drill import health
 from rpud_sim.simulation import preset
@@ -69,9 +69,9 @@ def faults() -> Rows:
 
 
 def commands() -> str:
-    """Return every command with its arguments; options that three or more have come first."""
+    """Return every command but verbs with its arguments; options of three or more come first."""
     chosen = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
-    options = {name: dict(_arguments(parser)) for name, parser in chosen.choices.items()}
+    options = {n: dict(_arguments(p)) for n, p in chosen.choices.items() if n not in VERBS}
     count = Counter(option for each in options.values() for option in each.items())
     shared = [option for option, number in count.items() if number > 2]
     parts = ["### Options of several commands", table([("option", "meaning"), *shared])]
@@ -95,15 +95,6 @@ def _arguments(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
         words = [*action.option_strings, *([] if action.nargs == 0 else [str(value)])]
         meaning = action.help % {**vars(action), "prog": parser.prog}
         yield " ".join(words), meaning
-
-
-def shown_quantities() -> Rows:
-    """Return every quantity of screens, pages and lines: name, symbol, units, messages."""
-    rows = [("quantity", "name", "symbol", "SI unit", "shown in", "from")]
-    for each in QUANTITIES.values():
-        sources = ", ".join(each.sources)
-        rows.append((each.label, each.name, each.symbol, each.si, each.unit, sources))
-    return rows
 
 
 def energy() -> Rows:
@@ -199,7 +190,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "diagnostics": lambda: table(diagnostics()),
     "drills": lambda: table(drills()),
     "energy": lambda: table(energy()),
-    "quantities": lambda: table(shown_quantities()),
     "face": faces,
 }
 
