@@ -218,7 +218,7 @@ def _records(
 ) -> Iterator[tuple[int, int, int, bytes]]:
     """Yield kind, start, end and first bytes of each record before the summary section.
 
-    ``skip`` has offsets that are passed, and where the walk goes on [bytes].
+    ``skip`` has offsets that are passed, and where the walk continues [bytes].
     """
     offset, ending, skip = len(MAGIC), file.size - len(MAGIC), skip or {}
     while True:

@@ -216,7 +216,7 @@ class Tables:
         for whole in batches:
             name = whole.topic
             for part, size in tables[name].parts(whole, limit):
-                # A batch of one part is made at once. What waits must not keep the chunk.
+                # A batch of one part is made immediately. What waits must not keep the chunk.
                 alone = size >= limit and not waiting[name]
                 waiting[name].append(part if alone else part.packed())
                 sizes[name] += size
@@ -275,7 +275,7 @@ def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
 
 
 def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """Return the columns of the table of rows: ``TIME``, and numbers in place of sequences."""
+    """Return the columns of the table of rows: ``TIME``, and numbers instead of sequences."""
     return (
         TIME,
         *(

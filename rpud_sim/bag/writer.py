@@ -181,7 +181,7 @@ class BagWriter:
         self._opened.write(records)
 
     def split(self) -> None:
-        """Complete the file and go on in a new one."""
+        """Complete the file and continue in a new one."""
         self._complete_file()
         self._open_file()
         self._began = None

@@ -71,7 +71,7 @@ class LiveLine:
 def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterator[Opened]:
     """Enter a context that starts ROS, whose log lines erase a live line first.
 
-    A refused command is logged with its reason. Without this the text would continue the live line.
+    A rejected command is logged with its reason. Otherwise the text would continue the live line.
     Processes that are started later do not inherit it.
     """
     with ExitStack() as stack:

@@ -328,7 +328,7 @@ def _find(finder: DrillFinder) -> list[str]:
 
 
 def _open_browser(url: str) -> None:
-    """Open a page in the browser of the desktop; say so if there is none."""
+    """Open a page in the browser of the desktop; report it if there is none."""
     import webbrowser
 
     try:

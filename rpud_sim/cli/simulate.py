@@ -53,7 +53,7 @@ def _run(options: Any) -> int:
 
 
 def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
-    """Refuse parameters without effect here; a file may hold them, for the node reads it too."""
+    """Reject parameters without effect here; a file may hold them, for the node reads it too."""
     from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
 
     for text in assignments:

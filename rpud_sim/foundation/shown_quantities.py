@@ -39,8 +39,8 @@ _CREDIBLE = {
     "s": 1e9,
     "m^3": 1.0,
 }
-NONE = "\N{EN DASH}"  # in place of a value that is not there
-GARBAGE = "garbage"  # in place of a value that nothing real has
+NONE = "\N{EN DASH}"  # instead of a value that is not there
+GARBAGE = "garbage"  # instead of a value that nothing real has
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 # Units that are shown with a prefix; angles, and what has no unit, stay as they are.
 _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")

@@ -38,7 +38,7 @@ _NO_NUMBER = re.compile(r"(?:invalid literal|could not convert) .*?: (.*)|Exceed
 def printable(text: object, longest: int | None = None) -> str:
     r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey.
 
-    A text of more than ``longest`` characters has ``...`` in place of its middle.
+    A text of more than ``longest`` characters has ``...`` instead of its middle.
     """
     shown = _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
     if longest is None or len(shown) <= longest:

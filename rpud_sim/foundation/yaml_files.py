@@ -109,7 +109,7 @@ def _merged(node: Any, place: Place, repeated: set[Place]) -> None:
         found[name] = (key, value)
     node.value = list(found.values())
     for name, (_, value) in found.items():
-        if len(place) <= _DEEPEST:  # deeper ones are refused
+        if len(place) <= _DEEPEST:  # deeper ones are rejected
             _merged(value, (*place, name), repeated)
 
 
@@ -266,5 +266,5 @@ def open_yaml(
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:
-    """Return a cursor at a value, with a name in place of a file's."""
+    """Return a cursor at a value, with a name instead of a file's."""
     return Cursor(value, name, error)

@@ -223,7 +223,7 @@ class KernelStore:
 
     @contextlib.contextmanager
     def _noting(self) -> Iterator[None]:
-        """Suppress an OSError, and keep the line of a refusal."""
+        """Suppress an OSError, and keep the line of a rejection."""
         try:
             yield
         except _RefusedError as error:

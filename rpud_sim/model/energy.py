@@ -162,7 +162,7 @@ def add_change(before, after, motion, begun, account):
     if same and not commanded:
         return motion
     passed = motion[0] - begun[0]
-    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
+    # Nothing else moves the nodal plane immediately, or stops a drill tool away from zero.
     if not commanded or abs(passed) <= LEAST_DEFORMATION:
         passed = 0.0  # rounding
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion

@@ -252,7 +252,7 @@ class Engine:
         passed: float = 0.0,
         touches: bool = False,
     ) -> None:
-        """Advance to a time and go on from there with other commands, and with another drill.
+        """Advance to a time and continue from there with other commands, and with another drill.
 
         The commands are weight on bit [N], vibration amplitude [m] and frequency [Hz]; of a
         resonance weight on bit, voltage [V] and drive frequency. Positions, velocities and phase

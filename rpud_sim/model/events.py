@@ -241,7 +241,7 @@ def advance(
 
 @compiled
 def interrupt(drill, states, open_segments, open_impacts, time, segments, impacts, new):
-    """End the open segment early, and go on with what is new; returns the finished impacts' number.
+    """End the open segment early, continue with what is new; return the number of finished impacts.
 
     New are weight on bit [N], amplitude [m] (voltage [V] of a resonance), frequency and resonance
     frequency [Hz], the way by which the origin of all displacements passes the bodies [m], and

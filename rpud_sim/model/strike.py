@@ -32,7 +32,7 @@ from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING
 # Where the envelope allows a longer step than this, the vibration is not computed [cycles].
 _LONG = 0.5
 
-# Phases up to which the least bend of the vibration is taken from its present one, and as zero: it
+# Phases up to which the least bend of the vibration is taken from its current one, and as zero: it
 # is no less up to the phase as far on the other side of its crest, and to its middle [cycles].
 _RISING = 0.2
 _FALLING = 0.45

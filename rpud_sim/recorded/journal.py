@@ -214,7 +214,7 @@ class WrongHeader(NamedTuple):
 def wrong_header(entries: Sequence[RecordedEntry]) -> WrongHeader | None:
     """Return the first entry of a run whose header does not fit; None if all do.
 
-    The stamp is the entry's time under an origin in force: the one before it, or one that another
+    The stamp is the entry's time under an origin active: the one before it, or one that another
     entry of the same time sets, for they are published together.
     """
     before: list[int] = []

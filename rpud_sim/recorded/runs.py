@@ -59,7 +59,7 @@ class RecordedRun:
     # Publishing times between which its messages lie, both included [ns].
     window: tuple[int, int] = (_EARLIEST, _LATEST)
     end: int = 0  # simulation time up to which the journal is complete [ns]
-    incomplete: str = ""  # why it is not known how the run went on; empty if it is
+    incomplete: str = ""  # why it is not known how the run continued; empty if it is
     complete_until: int = _LATEST  # publishing time up to which the journal has every entry [ns]
     ends_early: str = ""  # of a run that was not closed: where its journal ends
     computed_until: int = _LATEST  # stamp up to which the bag should hold messages [ns]

@@ -107,7 +107,7 @@ class Configuration(ParameterGroup):
 
     @property
     def nominal_drive(self) -> Drive:
-        """Drive that is in force until the first command."""
+        """Drive that is active until the first command."""
         frequency = self.parameters.vibration_frequency
         return Drive(self.drive_enabled, self.actuator.nominal_voltage, frequency)
 
@@ -413,7 +413,7 @@ def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
 
 
 def _check_types(cursor: Cursor) -> None:
-    """Refuse what ROS refuses, for every node: a list of values of several types."""
+    """Reject what ROS rejects, for every node: a list of values of several types."""
     value = cursor.value
     if isinstance(value, list) and len({str if v is None else type(v) for v in value}) > 1:
         raise cursor.wrong("has values of several types")

@@ -36,7 +36,7 @@ NOT_FINITE_SHARE = 0.1
 class FaultEffects(Disturbances):
     """Drill and rock under faults."""
 
-    # in force, always inside their ranges
+    # active, always inside their ranges
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     pushing_rate: float = 0.0  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
@@ -64,7 +64,7 @@ class Stage:
 _Need = Callable[[float, Configuration], str]
 # New value of a parameter or an effect, for the value without the fault and the magnitude.
 _Effect = Callable[[Any, float], Any]
-# Messages that go on, for those that come at a time [ns].
+# Messages that continue, for those that come at a time [ns].
 _Signal = Callable[[Stage, int, list[Fields]], list[Fields]]
 
 

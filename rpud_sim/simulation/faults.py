@@ -106,7 +106,7 @@ class Fault:
 
 
 def check_supported(fault: Fault, configuration: Configuration) -> None:
-    """Refuse a fault that would have no effect, or no meaning, in a configuration."""
+    """Reject a fault that would have no effect, or no meaning, in a configuration."""
     needs = fault.declared.needs
     if fault.channel in CHANNEL_NEEDS:
         needs = (CHANNEL_NEEDS[fault.channel], *needs)
@@ -237,7 +237,7 @@ class SignalFaults:
         return bool(self._stages)
 
     def apply(self, batch: Batch, records: Sequence[FaultRecord]) -> Iterable[Batch]:
-        """Return the batches that a channel publishes in place of one, in order; maybe none.
+        """Return the batches that a channel publishes instead of one, in order; maybe none.
 
         A healthy channel publishes the same one, whose fields must not change from now on. Times
         [ns] do not go back. ``records`` are at least those that last; others are ignored.

@@ -4,7 +4,7 @@ This is the one table from the simulation's records to the messages of ``msg_def
 ROS messages from it, and bags are encoded from it. Messages are dictionaries, sequences
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 
-What a drill samples comes as columns of many messages: an array in place of each value that differs
+What a drill samples comes as columns of many messages: an array instead of each value that differs
 from message to message. A sequence is an array with a row for each message, or ``Sequences`` if its
 length differs. One message is a row of such columns (``Batch.row``).
 """

@@ -162,7 +162,7 @@ class Plan:
     beginning: Beginning
     changes: tuple[Change, ...] = ()  # in the order of their times
     recorded: bool = False  # whether they took effect before, as in a journal
-    # simulation time up to which a drill node computes it, before it goes on live [ns]
+    # simulation time up to which a drill node computes it, before it continues live [ns]
     live_from: int = 0
 
     @staticmethod

@@ -82,7 +82,7 @@ def join_samples(parts: Sequence[Samples]) -> Samples:
 
 
 # The loops of a flight have no branches and few arrays each, so that a processor does several times
-# at once. What they compute is ``motion_at``, bit for bit.
+# immediately. What they compute is ``motion_at``, bit for bit.
 
 
 @compiled
@@ -245,8 +245,8 @@ def sample_parts(
     """Sample all channels of a trajectory in n parts, each as if it were alone.
 
     So a time at a joint of two segments is sampled from the same one, however far the trajectory
-    goes on before and after its part. ``firsts`` and ``lasts`` are the numbers of the first and the
-    last segment of each part, shape (n,), int64. ``cuts`` are those of the first time of each, and
+    continues before and after its part. ``firsts`` and ``lasts`` number the first and the last
+    segment of each part, shape (n,), int64. ``cuts`` are those of the first time of each, and
     of all, shape (n + 1,).
     """
     count = len(times.seconds)

@@ -30,7 +30,7 @@ _Bounds = tuple[float, float]  # least and most, which are equal if nothing is d
 
 @dataclasses.dataclass(frozen=True)
 class _Uniform:
-    """Mapping in place of a number that is drawn."""
+    """Mapping instead of a number that is drawn."""
 
     bounds: tuple[Cursor, Cursor] = key(list_of(here, 2, 2), name="uniform")
 

@@ -103,7 +103,7 @@ class StoredTopic(ReceivedTopic):
         try:
             message = deserialize_message(payload, JointState)
             return joints_to_feed(message, self.frame_prefix) is not None
-        except Exception:  # it is refused, which counts too
+        except Exception:  # it is rejected, which counts too
             return True
 
 

@@ -144,7 +144,7 @@ class LockstepDrill(Lockstep):
 
     @property
     def refusals(self) -> str:
-        """Number of refused commands since time zero and why the last one; empty without any."""
+        """Number of rejected commands since time zero and why the last one; empty without any."""
         self.observed = True
         return self._refusals.line(self.status.commands_rejected)
 
@@ -190,10 +190,10 @@ class LockstepDrill(Lockstep):
         return self._now
 
     def reset(self, seed: int | None = None) -> None:
-        """Take the drill back to time zero, as it was started; nodes under test go on.
+        """Take the drill back to time zero, as it was started; nodes under test continue.
 
         What was published before is forgotten, and expectations judge what follows. ``seed`` is
-        that of the drill from here on; None for the present one.
+        that of the drill from here on; None for the current one.
         """
         self._note("reset" if seed is None else f"reset seed={seed}")
         self._reset(seed)

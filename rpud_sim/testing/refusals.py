@@ -1,4 +1,4 @@
-"""Commands that the drill has refused in a test: how many, and why the last one."""
+"""Commands that the drill has rejected in a test: how many, and why the last one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PATIENCE = 1.0  # that a reason may take to arrive after the status that counts
 
 
 class Refusals:
-    """Reasons of refused commands since the drill began the test, or was reset."""
+    """Reasons of rejected commands since the drill began the test, or was reset."""
 
     def __init__(self, client: DrillClient) -> None:
         self._client = client
@@ -25,7 +25,7 @@ class Refusals:
         self._reasons: list[str] = []
 
     def line(self, count: int) -> str:
-        """Return how many commands are refused, as the status counts, and why the last one.
+        """Return how many commands are rejected, as the status counts, and why the last one.
 
         It is empty for none.
         """

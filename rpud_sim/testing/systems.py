@@ -70,7 +70,7 @@ class SystemUnderTest(ChildProcess):
         self.send(signal.SIGSTOP)
 
     def resume(self) -> None:
-        """Let it go on after ``pause``."""
+        """Let it continue after ``pause``."""
         self.send(signal.SIGCONT)
 
 
@@ -166,7 +166,7 @@ class Systems:
             raise LostMessagesError(f"{lacking} within {_CONNECTION:g} s")
 
     def await_answerers(self) -> None:
-        """Wait until the nodes that shall answer are there, and know the test's subscriptions."""
+        """Wait until the nodes that must answer are there, and know the test's subscriptions."""
         answers = self._answers
         if self._ended or not answers.declared:
             return
@@ -230,7 +230,7 @@ class Systems:
     def _await(
         self, lack: Callable[[], str], longest: float, vain: Callable[[], bool], *period: float
     ) -> str:
-        """Wait for what processes shall do; return what they lack, and after how long.
+        """Wait for what processes must do; return what they lack, and after how long.
 
         There is less time for what was in vain in a test before.
         """

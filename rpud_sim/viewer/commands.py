@@ -56,7 +56,7 @@ class Commands:
     """
 
     def __init__(self) -> None:
-        self.parameters: dict[str, Any] = {}  # of the present run, as far as it is known
+        self.parameters: dict[str, Any] = {}  # of the current run, as far as it is known
         self._count = 0  # entries, also those that are not kept any more
         self._entries: deque[LogEntry] = deque(maxlen=MOST_LOGGED)
         self._last: dict[str, tuple[float, str, int, LogEntry]] = {}  # by kind; number in the row
@@ -89,7 +89,7 @@ class Commands:
         self._last[kind] = time, text, row, entry
 
     def refuse(self, time: float, reason: str) -> None:
-        """Add a refusal to the log, at a time [s]."""
+        """Add a rejection to the log, at a time [s]."""
         self._log(time, REFUSAL, f"refused: {plain_refusal(reason)}")
 
     @property
@@ -134,7 +134,7 @@ class Commands:
     def steps(self, start: float, end: float, most: int) -> dict[str, dict[str, np.ndarray]]:
         """Return the field ``steps`` of a frame: each commanded value from its time on.
 
-        The first of a quantity is the one in force at ``start``, and the last one holds. At most
+        The first of a quantity is the one active at ``start``, and the last one holds. At most
         ``most`` of a quantity are returned, evenly thinned.
         """
         found = {}

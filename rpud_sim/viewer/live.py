@@ -138,7 +138,7 @@ class LiveDrill:
     Any number of pages share it. ``connection`` is ``searching``, ``connected`` or ``vanished``,
     since when [Unix s], and why.
 
-    The drill need not be there at first. If it vanishes, the connection says so and the thread
+    The drill need not be there at first. If it vanishes, the connection reports it and the thread
     searches it again; received messages stay until another run begins, whose number is
     ``history.run``. Actions are executed in order, as methods of ``DrillClient``; a pause or reset
     ends the wait for a step that is under way. ``error`` says why the thread has died.
@@ -185,7 +185,7 @@ class LiveDrill:
         return bool(self.error) or self.connection["state"] == VANISHED
 
     def close(self) -> None:
-        """Leave the graph; the drill goes on."""
+        """Leave the graph; the drill continues."""
         self._closed = True
         self._wake.set()
         self._thread.join()

@@ -310,7 +310,7 @@ def _text(quantity: str, value: float | None) -> str:
 
 
 def _in_force(steps: Mapping[str, Mapping[str, np.ndarray]], time: float) -> str:
-    """Return the commands that are in force at a time [s]."""
+    """Return the commands that are active at a time [s]."""
     texts = []
     for name, found in steps.items():
         place = int(np.searchsorted(found["t"], time, "right")) - 1

@@ -81,7 +81,7 @@ class DrillClient(ListeningNode):
             drill.step(0.5)
             print(drill.status.impacts)
 
-    A command returns when the drill has accepted it; a refusal is a ``RefusedError`` with the
+    A command returns when the drill has accepted it; a rejection is a ``RefusedError`` with the
     drill's reason. Messages are taken while a method waits: use it from one thread.
     ``patience`` is in s.
     """
@@ -429,7 +429,7 @@ class DrillClient(ListeningNode):
 
         def is_alone() -> bool:
             names = self.publishers
-            # The middleware remembers a killed drill for 20 s. Only numbers of living ones go on.
+            # The middleware remembers a killed drill for 20 s. Only the numbers of running drills grow.
             if len(names) > 1 and any(after <= before for before, after in pairwise(self._numbers)):
                 raise NoDrillError(
                     f"{len(names)} nodes publish {self.node.resolve_topic_name('status')} "

@@ -44,7 +44,7 @@ class ClientError(ExpectedError, RuntimeError):
 
 
 class RefusedError(ClientError):
-    """Refusal of the drill, with its reason; ``result`` is a number of ``rpud_msgs/Result``."""
+    """Rejection of the drill, with its reason; ``result`` is a number of ``rpud_msgs/Result``."""
 
     def __init__(self, reason: str, result: int | None = None) -> None:
         super().__init__(reason)
@@ -233,7 +233,7 @@ class ServiceCaller:
             self.wait_until_discovered()
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
-        """Call a service, again and again with ``repeat``; a refusal is a RefusedError."""
+        """Call a service, again and again with ``repeat``; a rejection is a RefusedError."""
         response = self._answer(self._clients[name], request, repeat)
         result = getattr(response, "result", response)
         if isinstance(result, msg.Result):

@@ -36,8 +36,8 @@ STALLED_SHARE = 0.05
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
-CHANGE_PERIOD = 0.05  # of reports that commands cause while time goes on, at least [s]
-_BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
+CHANGE_PERIOD = 0.05  # of reports that commands cause while time continues, at least [s]
+_BATCH_SIZE = 20  # blocks that are counted together: one by one would take most of the time
 # Topics that command the same: two publishers on one line are a mistake.
 _COMMAND_TOPICS = (
     ("command/weight_on_bit",),
@@ -58,7 +58,7 @@ class Report(NamedTuple):
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     requests_refused: int  # of services, since the start
-    last_refusal: str  # why the latest command or request was refused
+    last_refusal: str  # why the latest command or request was rejected
 
 
 _TIMING = ("real_time_factor", "lateness_max", "lag", "deadlines_missed")  # that a pacer measures
@@ -216,7 +216,7 @@ class StatusReporter:
         self._due = 0
 
     def refused_more(self) -> bool:
-        """Whether commands were refused or discarded since the last report."""
+        """Whether commands were rejected or discarded since the last report."""
         return self.last is not None and (
             self._inbox.rejected != self.last.status["commands_rejected"]
             or self._inbox.discarded != self.last.status["commands_discarded"]

@@ -112,7 +112,7 @@ class ManagedNode(LifecycleNode):
         self.get_logger().warning(f"request refused: {reason}")
 
     def _set_parameters(self, request: Any, response: Any) -> Any:
-        """Set parameters as rclpy does, but name the one that is refused, whatever its type."""
+        """Set parameters as rclpy does, but name the one that is rejected, whatever its type."""
         if isinstance(request, SetParameters.Request):
             response.results = [self._set_together([each]) for each in request.parameters]
         else:
@@ -130,7 +130,7 @@ class ManagedNode(LifecycleNode):
         return result
 
     def _change(self, message: ParameterMessage) -> Parameter | None:
-        """Return what is to be set, None for the present value of what is read-only.
+        """Return what is to be set, None for the current value of what is read-only.
 
         A whole number, and a text such as 1e-06, becomes a number where one is expected, and a
         number without a fraction a whole one.
@@ -163,7 +163,7 @@ class ManagedNode(LifecycleNode):
             raise ParameterError(f"{name} is of another type: {types}")
         return given
 
-    # rclpy lets RCLError out of the executor when a client asks for a transition that the present
+    # rclpy lets RCLError out of the executor when a client asks for a transition that the current
     # state does not have: the node would end, and the client wait for ever. This name is how Python
     # calls the private method of its mixin.
     def _LifecycleNodeMixin__on_change_state(  # noqa: N802
@@ -229,7 +229,7 @@ class DrillParameters:
         fixed = self._fixed()
         reason = ""
         for name in values if fixed else ():
-            # The present value is no change: a dump of these parameters may be loaded.
+            # The current value is no change: a dump of these parameters may be loaded.
             if name in _FIXED and self._differs(name, values):
                 reason = f"{name} {fixed}{_COMMANDED.get(name, '').format(values[name])}"
         try:

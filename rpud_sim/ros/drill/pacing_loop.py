@@ -119,7 +119,7 @@ class PacingLoop:
         self.wake()
 
     def _run(self, session: Session, requests: Requests) -> None:
-        # Any error must end the process too, or it would go on in silence.
+        # Any error must end the process too, or it would continue in silence.
         try:
             session.start_time(self._stop, requests.serve)
             while not (self._stop.is_set() or session.finished):

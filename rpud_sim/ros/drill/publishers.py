@@ -161,7 +161,7 @@ class DrillPublishers:
     def publish_deferred(self, has_time: Callable[[], bool]) -> None:
         """Publish messages without a deadline, part by part while there is time.
 
-        Without it the oldest of two streams goes on by a part, and of three it is finished.
+        Without it the oldest of two streams continues by a part, and of three it is finished.
         """
         if len(self._deferred) > 1:
             self._publish_part()

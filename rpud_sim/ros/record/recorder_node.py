@@ -37,7 +37,7 @@ from rpud_sim.ros.record.writing import Intake
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 _DEPTH = 10_000
-_BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
+_BATCH_SIZE = 1000  # messages of one topic in one step, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
 _UNDECIDED = 0.2  # after the first message, in which a drill is found [s]

@@ -100,7 +100,7 @@ class Intake:
 class WritingThread(threading.Thread):
     """Writes what the intake has until its end, and flushes it to the disk in time.
 
-    ``on_end`` is called once at an error or a refusal.
+    ``on_end`` is called once at an error or a rejection.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class WritingThread(threading.Thread):
         """Write until the queue ends or an error occurs."""
         try:
             self._write()
-        except Exception as error:  # or the recorder would go on without a bag
+        except Exception as error:  # or the recorder would continue without a bag
             self.error = error
             self._on_end()
 

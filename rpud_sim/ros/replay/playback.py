@@ -22,7 +22,7 @@ _BATCHES = 16
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
 _LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
 _BUNDLE_TIME = SECOND // 1000  # in which messages are published before requests are served again
-_LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
+_LONGEST_SLEEP = 3600.0  # s; the system call rejects more than some decades
 _SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake their listeners once
 
 Result = TypeVar("Result")
@@ -215,7 +215,7 @@ class Playback:
         self.rate = rate
 
     def seek(self, position: int) -> None:
-        """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
+        """Go to a time of the bag [ns], not before the first played; reject one after the last."""
         if position > self._last:
             raise RequestError(
                 f"time = {position / SECOND:.3f} s is after the last, {self._last / SECOND:.3f} s"
