@@ -343,7 +343,7 @@ def _losses(value: Mapping[str, Any]) -> Losses:
     found = Losses(transport if transport is None else int(transport), int(queue), int(damaged))
     for count in (found.transport or 0, found.queue, found.damaged):
         if not 0 <= count < 2**63:
-            raise ValueError(f"{count:g} is no number of messages")
+            raise ValueError(f"{count:g} is not a number of messages")
     return found
 
 

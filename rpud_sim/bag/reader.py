@@ -309,7 +309,7 @@ def _due_batches(
             if len(batch):
                 if batch.log_times[0] < reached:
                     raise BagFormatError(
-                        f"{chunk.file.path}: a message is earlier than its chunk says; {REMEDY}"
+                        f"{chunk.file.path}: a message is earlier than its chunk begins; {REMEDY}"
                     )
                 waiting.append(batch)
                 last = max(last, int(batch.log_times[-1]))

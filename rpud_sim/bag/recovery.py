@@ -85,7 +85,7 @@ def recover(
         numbers: dict[tuple[Any, ...], int] = {}
         found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in chosen.files]
         if not any(found):
-            raise BagFormatError(f"{torn} holds nothing of an MCAP file")
+            raise BagFormatError(f"{torn} has no part of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json_text(recovery.to_mapping())})
         bag.close()
         with BagReader(bag.path) as whole:

@@ -92,7 +92,7 @@ def _moment(nanoseconds: int) -> str:
 
 @command(
     "recover",
-    "bags/torn --out bags/whole",
+    "bags/damaged --out bags/recovered",
     "make a complete bag from one that was cut off or damaged",
     "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 usage error.",
     JSON,

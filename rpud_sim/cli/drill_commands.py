@@ -52,7 +52,7 @@ def _connected_drill(name: str, options: Any) -> Iterator[DrillClient]:
         try:
             yield drill
         except RefusedError as error:
-            raise ExpectedError(f"the drill refuses: {error}") from error
+            raise ExpectedError(f"the drill rejects it: {error}") from error
 
 
 def _drive(drill: DrillClient, **_: Any) -> str:

@@ -61,7 +61,7 @@ def _record(options: Any, ros_arguments: Sequence[str] = ()) -> int:
     "replay",
     "bags/first --rate 0.5",
     "publish a bag's messages with their types, QoS and timing",
-    "Exit codes: 0 done, 3 done but for messages that are no plain CDR, 1 failed, 2 usage error.",
+    "Exit codes: 0 done, 3 done but for messages that are not plain CDR, 1 failed, 2 usage error.",
     shared=fields_of(ReplayOptions),
 )
 def _replay(options: Any, ros_arguments: Sequence[str] = ()) -> int:

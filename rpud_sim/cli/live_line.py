@@ -114,15 +114,15 @@ def summary_text(figures: Values, report: Report | None, faults: Sequence[FaultR
     status, timing = report.status, report.timing
     lines.append(
         f"{status['impacts']} impacts, {timing['deadlines_missed']} deadlines missed, "
-        f"{status['commands_accepted']} commands accepted, {status['commands_rejected']} refused, "
+        f"{status['commands_accepted']} commands accepted, {status['commands_rejected']} rejected, "
         f"{timing['messages_dropped']} messages dropped"
     )
     if math.isfinite(status["depth"]):
         lines.append(f"depth {_shown('depth', status['depth'])}")
     if report.requests_refused:
-        lines.append(f"{report.requests_refused} requests refused")
+        lines.append(f"{report.requests_refused} requests rejected")
     if report.last_refusal:
-        lines.append(f"last refusal: {printable(report.last_refusal)}")
+        lines.append(f"last rejection: {printable(report.last_refusal)}")
     for record in faults[-_FAULTS_LISTED:]:
         end = "on" if record.clear is None else f"to {record.clear / 1e9:.3f} s"
         since = f"from {record.onset / 1e9:.3f} s {end}"
@@ -159,7 +159,7 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
         parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first)
     if refused := status["commands_rejected"] + report.requests_refused:
-        parts["refused"] = (f"{refused} refused",)
+        parts["refused"] = (f"{refused} rejected",)
     if dropped := timing["messages_dropped"]:
         parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
     parts["late"] = (f"late {_shown('lateness', timing['lateness_max'])}",)

@@ -208,7 +208,7 @@ def _close_recorder(recorder: ChildProcess, record: str, *, early: bool) -> bool
     errors = recorder.errors.splitlines()
     lines = [line for line in errors if line.startswith("rpud")]
     if not lines and code < 0:
-        bag = "its bag is torn" if Path(record).exists() else "there is no bag"
+        bag = "its bag is truncated" if Path(record).exists() else "there is no bag"
         complain(_PROGRAM, f"the recorder was ended by signal {-code}; {bag}")
     else:
         print("\n".join(lines or errors[-3:]), file=sys.stderr)
@@ -268,8 +268,8 @@ _SEARCH_PERIOD = 0.05  # s
     "--port 8810",
     "show and command running drills in the browser, or show a bag",
     "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
-    "trajectory. It prints the address of the page, which only this machine can reach unless "
-    "--address says otherwise. Other machines then need the token in the address.",
+    "trajectory. It prints the address of the page, which only this machine can reach without "
+    "--address. Other machines need the token in the address.",
     PLACE,
     bag=positional("BAG", "show this bag, a folder or one file, without ROS", nargs="?"),
     port=option(DEFAULT_PORT, "port of the page, 0 for a free one", PORT, metavar="P"),

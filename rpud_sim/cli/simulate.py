@@ -40,7 +40,7 @@ _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
     duration=option(10.0, "simulated time", _DURATION),
     repeat=option(1, "runs over initial vibration phases, for standard errors", _REPEAT),
     seed=option(None, "seed of initial phases, scenario and noise (default: the file's)", SEED),
-    commands=option(None, "commands and faults at their times, as of rpud fork", metavar="FILE"),
+    commands=option(None, "commands and faults at their times, as in rpud fork", metavar="FILE"),
     bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR", new=True),
 )
 def _run(options: Any) -> int:

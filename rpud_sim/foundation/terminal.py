@@ -23,7 +23,7 @@ LONGEST_LINE = 1000
 # What errors of Python mean where a file from outside raises them.
 _MEANINGS: tuple[tuple[type[Exception] | tuple[type[Exception], ...], str], ...] = (
     (UnicodeDecodeError, "a text is not UTF-8"),
-    (JSONDecodeError, "it is no JSON"),
+    (JSONDecodeError, "it is not JSON"),
     ((struct.error, EOFError, IndexError), "it ends too early"),
     (RecursionError, "it is nested too deep, or contains itself"),
     (OverflowError, "a number is too large"),
@@ -58,7 +58,7 @@ def in_words(error: BaseException) -> str:
         if isinstance(error, kinds):
             return meaning
     if number := _NO_NUMBER.match(str(error)):
-        return f"{number[1]:.80} is no number" if number[1] else "a number has too many digits"
+        return f"{number[1]:.80} is not a number" if number[1] else "a number has too many digits"
     text = f"{error!s:.500}".partition('in "<unicode string>"')[0]  # of YAML
     return " ".join(text.split()) or "it is damaged"
 

@@ -55,7 +55,7 @@ class _Loader(yaml.SafeLoader):
         mapping = super().construct_mapping(node, deep)
         if len(mapping) < len(node.value):
             raise yaml.constructor.ConstructorError(
-                None, None, "a key stands twice in one mapping", node.start_mark
+                None, None, "a key occurs twice in one mapping", node.start_mark
             )
         return mapping
 

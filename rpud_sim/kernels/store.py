@@ -149,7 +149,7 @@ def _read_file(path: Path) -> bytes:
     with open(os.open(path, _FILE), "rb") as file:
         its = os.fstat(file.fileno())
         if not stat.S_ISREG(its.st_mode):
-            raise _RefusedError(f"{path} is not used, because it is no regular file")
+            raise _RefusedError(f"{path} is not used, because it is not a regular file")
         if _others_may_write(its):
             raise _RefusedError(f"{path} is not used, because other users may write it")
         return file.read()

@@ -48,7 +48,7 @@ def fields_of(type_name: str, text: str) -> Iterator[tuple[str, str, str]]:
             continue
         match = _LINE.fullmatch(plain)
         if match is None or (match[4] and match[1] != "string" and not _DEFAULT.match(match[4])):
-            raise ValueError(f"line {number} of {type_name:.80} is no field: {line:.80}")
+            raise ValueError(f"line {number} of {type_name:.80} is not a field: {line:.80}")
         if not match[4].startswith("="):
             comment = _COMMENT.match(match[4])
             yield match[1] + match[2], match[3], comment[1] if comment else ""

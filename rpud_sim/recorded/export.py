@@ -76,7 +76,7 @@ def export(
         left_out = bag.left_out if topics is None else {}
         if left_out and len(left_out) == len(bag.readable_topics):
             name, reason = next(iter(left_out.items()))
-            raise RecordingError(f"nothing of {bag.path} can be exported: {name:.200}: {reason}")
+            raise RecordingError(f"no topic of {bag.path} can be exported: {name:.200}: {reason}")
         damages = Damages(bag)
         chosen = [
             summary

@@ -167,7 +167,7 @@ class Fork:
                 raise error
             if change.time <= self.time or self._changes.empty:
                 raise RecordingError(f"{self.recorded.journal}: {error}") from error
-            warnings.append(f"refused at {change.time / SECOND:.9g} s: {error}")
+            warnings.append(f"rejected at {change.time / SECOND:.9g} s: {error}")
 
         plan = replace(self.recorded.plan, changes=self._before)
         first = self.recorded.entries[0].entry

@@ -94,7 +94,7 @@ def _rows(points: Points) -> list[dict[str, Any]]:
         return grid(points)
     rows = points.to_dict("records") if hasattr(points, "to_dict") else points
     if not isinstance(rows, Sequence) or not all(isinstance(row, Mapping) for row in rows):
-        raise ParameterError(f"points = {shown(points)} are no mappings of values by parameter")
+        raise ParameterError(f"points = {shown(points)} are not mappings of values by parameter")
     return [dict(row) for row in rows]
 
 

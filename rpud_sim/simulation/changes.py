@@ -207,7 +207,7 @@ def action_of(kind: str, content: Mapping[str, Any]) -> Action:
 def whole_time(value: Any) -> int:
     """Return a time or a duration out of a journal [ns]; a ValueError says that it is none."""
     if type(value) is not int or not 0 <= value < NEVER:
-        raise ValueError(f"{value!r:.40} is no time in ns")
+        raise ValueError(f"{value!r:.40} is not a time in ns")
     return value
 
 

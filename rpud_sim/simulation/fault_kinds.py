@@ -367,7 +367,7 @@ KINDS: dict[str, FaultKind] = {
         "the values last published are repeated with new stamps",
         signal=_changed(lambda stage, path, value: _at(stage.last, path)),
     ),
-    "garbage": FaultKind("random bit patterns in place of every value", signal=_changed(_garbage)),
+    "garbage": FaultKind("random bit patterns instead of every value", signal=_changed(_garbage)),
     "wrong": FaultKind(
         "plausible values that are consistently wrong",
         magnitude=Quantity("", "factor on every measured number", -10.0, 10.0),

@@ -76,7 +76,7 @@ class Fault:
             return
         if channel in GROUND_TRUTH:
             raise FaultError(
-                f"{self} is refused: it is the ground truth; "
+                f"{self} is rejected: it is the ground truth; "
                 f"channels that may fail are {', '.join(CHANNELS)}"
             )
         raise FaultError(
@@ -95,7 +95,7 @@ class Fault:
         default = kind.default_on(self.channel)
         if left_open:
             return default
-        hint = f"NaN stands for the default {default:g} {quantity.unit}".rstrip()
+        hint = f"NaN means the default {default:g} {quantity.unit}".rstrip()
         try:
             number = float(quantity.check(f"magnitude of {self}", given))
         except ParameterError as error:

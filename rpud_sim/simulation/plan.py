@@ -182,7 +182,7 @@ class Plan:
                     beginning = Beginning.from_journal(entry.content)
                     continue
                 if changes and entry.time < changes[-1].time:
-                    before = f"its time {entry.time} ns is before that of the one before it"
+                    before = f"its time {entry.time} ns is before the previous entry's time"
                     raise ValueError(before)
                 changes.append(Change(entry.time, action_of(entry.kind, entry.content), place))
             except _UNUSABLE as error:

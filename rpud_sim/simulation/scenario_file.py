@@ -174,7 +174,7 @@ def _faults(entries: Sequence[Cursor], seed: int) -> tuple[Change, ...]:
         fault = action.fault
         other, clear = latest.get((fault.kind, fault.channel), (0, 0))
         if onset < clear:
-            raise cursor.error(f"{fault} begins while that of entry {other} lasts")
+            raise cursor.error(f"{fault} begins while entry {other} is active")
         end = onset + action.duration if action.duration else NEVER
         latest[fault.kind, fault.channel] = (number, end)
     return tuple(Change(onset, action, cursor.prefix) for onset, action, _, cursor in found)

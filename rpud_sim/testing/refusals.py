@@ -34,7 +34,7 @@ class Refusals:
         with contextlib.suppress(ClientError, DrillError):
             self._client.until(lambda: len(self._reasons) >= count, _PATIENCE)
         reason = self._reasons[-1] if self._reasons else "its reason has not arrived"
-        return f"{count} command{'s' * (count > 1)} refused, the last: {reason}"
+        return f"{count} command{'s' * (count > 1)} rejected, the last: {reason}"
 
     def _take(self, topic: str, message: Any, published: int) -> None:
         # Messages with an earlier number are of the run before.

@@ -63,7 +63,7 @@ TAKEN = "exists already; --force replaces it"
         (f"{REBUILD} --rate 10 --topics /a", 1, "drill holds no trajectory named /a; "),
         ("recover none --out out", 1, "there is no bag at none"),
         ("recover talk --out taken", 1, f"taken {TAKEN}"),
-        ("recover notes.mcap --out out", 1, "notes.mcap holds nothing of an MCAP file"),
+        ("recover notes.mcap --out out", 1, "notes.mcap has no part of an MCAP file"),
         ("report talk --out notes.mcap", 1, f"notes.mcap {TAKEN}"),
         ("report talk --out taken --force", 1, "taken is not a folder of rpud"),
         ("report talk --namespace /b", 1, "the bag holds no drill /b"),

@@ -250,7 +250,7 @@ class DrillClient(ListeningNode):
     def engage(self, on: bool = True) -> None:
         self._ask("engage", SetBool.Request(data=_ON.check("engage", on)), repeat=True)
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
-        self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
+        self.until(lambda: self.status.regime == regime, what=f"no status reported {regime}")
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill, all of them or none."""
@@ -371,7 +371,7 @@ class DrillClient(ListeningNode):
         request = srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
         self._ask("simulation/set_state", request, repeat=True)
         states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
-        self.until(lambda: self.status.state in states, what=f"no status said {name}")
+        self.until(lambda: self.status.state in states, what=f"no status reported {name}")
 
     def _advance(self, name: str, request: Any) -> Any:
         """Call a service that advances the drill, and return its response, whose status counts."""
@@ -429,7 +429,7 @@ class DrillClient(ListeningNode):
 
         def is_alone() -> bool:
             names = self.publishers
-            # The middleware remembers a killed drill for 20 s. Only the numbers of running drills grow.
+            # The middleware remembers a killed drill for 20 s. Only numbers of living ones grow.
             if len(names) > 1 and any(after <= before for before, after in pairwise(self._numbers)):
                 raise NoDrillError(
                     f"{len(names)} nodes publish {self.node.resolve_topic_name('status')} "

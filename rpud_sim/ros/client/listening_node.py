@@ -243,7 +243,7 @@ class ServiceCaller:
             if not result.successful:
                 raise RefusedError(result.reason)
         elif not getattr(result, "success", True):
-            raise RefusedError(getattr(result, "message", "the log of the drill says why"))
+            raise RefusedError(getattr(result, "message", "see the log of the drill"))
         return response
 
     def wait_until_discovered(self, patience: float | None = None) -> None:

@@ -241,7 +241,7 @@ class Inbox:
         self._logged = self._logged + 1 if second == self._second else 1
         self._second = second
         if self._logged <= _LOGGED_PER_SECOND:
-            self._logger.warning(f"{what} refused: {reason}")
+            self._logger.warning(f"{what} rejected: {reason}")
         elif self._logged == _LOGGED_PER_SECOND + 1:
             self._logger.warning("further rejections in this second are counted but not logged")
 

@@ -229,7 +229,7 @@ class DrillNode(ManagedNode):
 
 def _complete(trigger: Callable[[], TransitionCallbackReturn]) -> None:
     if trigger() != TransitionCallbackReturn.SUCCESS:
-        raise RuntimeError("the drill cannot be started; the log says why")
+        raise RuntimeError("the drill cannot be started; see its log")
 
 
 def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:

@@ -128,10 +128,15 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
         ("timing", _ERROR, lag > LAG_ERROR, f"simulation time lags {lag:.3f} s behind"),
         ("timing", _WARN, late > period, f"a block was {late:.3f} s late"),
         ("timing", _OK, True, "on time"),
-        ("commands", _ERROR, values["commands_lost"], "commands are lost: the drill is made safe"),
+        (
+            "commands",
+            _ERROR,
+            values["commands_lost"],
+            "commands are lost: drive and weight on bit are ramped to zero",
+        ),
         ("commands", _WARN, discarded, f"{discarded} discarded"),
         ("commands", _WARN, commanders > 1, f"{commanders} publishers send commands"),
-        ("commands", _OK, True, f"{values['commands_rejected']} refused"),
+        ("commands", _OK, True, f"{values['commands_rejected']} rejected"),
         ("drill", _WARN, duplicates, f"{duplicates + 1} nodes have this name"),
         (
             *("drill", _WARN, amplitude < STALLED_SHARE * unloaded),

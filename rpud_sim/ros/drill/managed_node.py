@@ -109,7 +109,7 @@ class ManagedNode(LifecycleNode):
 
     def refuse_request(self, reason: str) -> None:
         """Log why a client's request to set a parameter or to change the state is rejected."""
-        self.get_logger().warning(f"request refused: {reason}")
+        self.get_logger().warning(f"request rejected: {reason}")
 
     def _set_parameters(self, request: Any, response: Any) -> Any:
         """Set parameters as rclpy does, but name the one that is rejected, whatever its type."""

@@ -281,7 +281,7 @@ def _state_of(session: Session) -> int:
 
 def _check_own_time(session: Session, verb: str) -> None:
     if session.timeline.source.follows:
-        raise _unsupported(f"the time is that of /clock: {verb} its source")
+        raise _unsupported(f"the time comes from /clock: {verb} its source")
 
 
 def _unsupported(reason: str) -> RequestError:

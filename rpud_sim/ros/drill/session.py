@@ -343,7 +343,9 @@ class Session:
             lambda topic: not self._computing and topic in self.publishers.wanted,
             active=active,
             on_block=self._count,
-            rejected=lambda change, error: self._logger.warning(f"planned change refused: {error}"),
+            rejected=lambda change, error: self._logger.warning(
+                f"planned change rejected: {error}"
+            ),
         )
 
     def _start_run(self, run: Run) -> None:

@@ -84,7 +84,7 @@ class Replayer(Node):
         for summary in topics:
             name = summary.topic.name
             if with_clock and name == CLOCK:
-                self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
+                self.get_logger().warning(f"the bag's own {CLOCK} is replaced by --clock")
                 continue
             try:
                 self._add(summary)
@@ -250,7 +250,7 @@ def _answer(
         playback.do(lambda each: act(each, request))
     except RequestError as error:
         reason = str(error)
-        node.get_logger().warning(f"{name} is refused: {reason}")
+        node.get_logger().warning(f"{name} is rejected: {reason}")
     except Exception as error:  # out of the executor it would leave a client without answer
         reason = raised(error)
         node.count_failure(f"{name}: {reason}")
@@ -318,7 +318,7 @@ def _replay(
     )
     if not node.topics:
         if topics:
-            raise ExpectedError(f"nothing of {bag.path} can be replayed here")
+            raise ExpectedError(f"no topic of {bag.path} can be replayed here")
         return Replayed(f"{printable(bag.path)} has no messages to replay", complete=True)
     for text in bag.unread_offers:
         node.warn(text)
