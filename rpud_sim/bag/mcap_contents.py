@@ -51,8 +51,8 @@ _ENDS = (Opcode.DATA_END, Opcode.FOOTER)
 class ChunkPlace:
     """Place of a chunk in a file, or of consecutive messages outside of chunks."""
 
-    start_time: int  # no message is earlier, as the file says [ns]
-    end_time: int  # no message is later, as the file says [ns]
+    start_time: int  # no message is earlier, by the record of the file [ns]
+    end_time: int  # no message is later, by the record of the file [ns]
     size: int  # memory that its messages take [bytes]
     start: int  # offsets in the file [bytes]
     end: int

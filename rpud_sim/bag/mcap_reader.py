@@ -40,12 +40,12 @@ class BagChunk:
 
     @property
     def start_time(self) -> int:
-        """Log time that no message precedes, as the file says [ns]."""
+        """Log time that no message precedes, by the record of the file [ns]."""
         return self.place.start_time
 
     @property
     def end_time(self) -> int:
-        """Log time that no message follows, as the file says [ns]."""
+        """Log time that no message follows, by the record of the file [ns]."""
         return self.place.end_time
 
     @property

@@ -1,4 +1,4 @@
-"""What a bag says about itself. Times and durations are integer nanoseconds.
+"""Metadata of a bag. Times and durations are integer nanoseconds.
 
 The metadata of rosbag2, version 9 (Jazzy), is stored twice: in ``metadata.yaml`` under one outer
 key, and without that key in the MCAP file's metadata record ``rosbag2``. rosbag2 fails if a field

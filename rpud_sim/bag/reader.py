@@ -58,7 +58,7 @@ class BagReader:
         for text in (*said, *(file.warning for file in self._files if file.warning)):
             warnings.warn(BagWarning(text), stacklevel=3)
         self.size = sum(file.size for file in self._files)  # of the storage files [bytes]
-        # Statistics of a file without messages say that it starts at 0.
+        # Statistics of a file without messages report that it starts at 0.
         self._filled = [file for file in self._files if file.message_count]
 
     @property
@@ -162,7 +162,7 @@ class BagReader:
     ) -> Iterator[list[Batch]]:
         begin = start + self.start_time
         end = None if duration is None else begin + duration
-        # A whole bag has all messages, whatever times its statistics say.
+        # A whole bag has all messages, whatever times its statistics report.
         return _due_batches(self.chunks(), topics, begin if start > 0 else 0, end)
 
     def columns(self, topic: str) -> tuple[Column, ...]:

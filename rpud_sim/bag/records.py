@@ -1,7 +1,7 @@
 """MCAP records from untrusted bytes.
 
 The ``mcap`` library parses each record from exactly its own bytes. By itself it reads as much as a
-length field says, and a few bytes of zstd may then take all memory.
+length field gives, and a few bytes of zstd may then take all memory.
 """
 
 from __future__ import annotations

@@ -222,7 +222,7 @@ class BagWriter:
         return channel
 
     def _split_if_full(self, size: int, log_time: int) -> None:
-        """Begin a new file if messages of a size [bytes] and from a time on [ns] have no room."""
+        """Begin a new file if messages of a size [bytes] and from a time on [ns] have no space."""
         if self._began is None:
             self._began = log_time
         elif (self._max_duration is not None and log_time - self._began >= self._max_duration) or (

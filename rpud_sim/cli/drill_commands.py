@@ -94,7 +94,7 @@ _TEXTS: dict[str, Callable[..., str]] = {
 
 
 def _run(name: str, options: Any) -> ExitCode:
-    """Let a drill do what a verb says, and print the outcome."""
+    """Let a drill carry out a verb, and print the outcome."""
     arguments = {each: getattr(options, each) for each in VERBS[name].options}
     with _connected_drill(name, options) as drill:
         if name == "inject":

@@ -42,14 +42,14 @@ class LiveLine:
         """Show a report, unless it was the last one shown.
 
         On a terminal each report rewrites the line. Elsewhere there is a line for each second in
-        which the drill moved, and none while simulation time stands still.
+        which the drill moved, and none while simulation time is paused.
         """
         if not self._shown or report is None or report is self._last:
             return
         self._last = report
         moved = bool(report.figures["duration"])
         if self._terminal:
-            # Before the first block there is nothing to tell, unless it waits.
+            # Before the first block there is nothing to show, unless it waits.
             if moved or self._printed is not None or report.status["state"] == "paused":
                 self._printed = report
                 text = live_text(report, columns(sys.stderr))

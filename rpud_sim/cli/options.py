@@ -23,7 +23,7 @@ RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 # Groups of options by a rule; any other name of a group is a title.
 AT_MOST_ONE = "at most one"
 
-_METAVARS = {"": "N", "%": "PERCENT"}  # of units that are no word
+_METAVARS = {"": "N", "%": "PERCENT"}  # of units without a word
 
 Fields: TypeAlias = Mapping[str, Any]  # declarations of options by name, in their order
 
@@ -198,7 +198,7 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
 
 
 def _number(value: Any) -> Any:
-    """Return the number that a text says; anything else as it is."""
+    """Return the number that a text reports; anything else as it is."""
     if isinstance(value, str):
         for kind in (int, float):  # integers first: a float would round a long seed
             with suppress(ValueError):

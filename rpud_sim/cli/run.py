@@ -147,7 +147,7 @@ def _drill_and_record(
     recorder = ChildProcess(
         (
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
-            # `_missing` compares numbers of messages, which says more than an empty bag.
+            # `_missing` compares numbers of messages, which shows more than an empty bag.
             *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
             *(["--use-sim-time"] if _on_clock(node) else ()),
         ),
@@ -300,7 +300,7 @@ def _watch_drills(options: Any) -> ExitCode:
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer, store: LiveStore) -> None:
-        if options.beside_drill:  # hear all of the run
+        if options.beside_drill:  # receive all of the run
             store.hear()
         _announce(server, store.finder, options)
 

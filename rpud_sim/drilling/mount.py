@@ -94,7 +94,7 @@ class MountMotion:
         return self if share == 1.0 else MountMotion(place, self.velocity * share)
 
 
-# A giver of the mount's motion says where the mount is to be, and what is left when it is lost.
+# A command of the mount's motion: where the mount is to be, and what is left when it is lost.
 Motion = Feed | MountMotion
 _GIVERS = {"none": None, "arm": Feed, "given": MountMotion}
 

@@ -55,7 +55,7 @@ class RotorState:
     rate: float = 0.0  # of rotation, never negative [rad/s]
     torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
     drive_torque: float = 0.0  # of the drive on the rotor [N m]
-    stalled: bool = False  # whether the tool stands still although the drive is on
+    stalled: bool = False  # whether the tool is stalled although the drive is on
     work: RotorWork = RotorWork()  # since time zero
 
 

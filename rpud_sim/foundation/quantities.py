@@ -53,7 +53,7 @@ def shown(value: Any) -> str:
         return "a number too long to show"
 
 
-# Characters of a name, and of a text that says something: longer ones are rejected or cut off, for
+# Characters of a name, and of an explaining text: longer ones are rejected or cut off, for
 # whoever reaches the drill could fill its memory with them.
 LONGEST_NAME = 256
 LONGEST_TEXT = 4096

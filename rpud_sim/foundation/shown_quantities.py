@@ -116,7 +116,7 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 # Name, label, symbol of the paper, unit, colour, floor, whether any axis will do or one with zero,
-# kind of its layer in a plot if it is no line, and messages that have it.
+# kind of its layer in a plot if it is not a line, and messages that have it.
 _TABLE = """\
 impact_rate | impacts | | /s | force | 1e-3 | | |
 peak_force | peak force | | kN | force | 0.5 | | band | ContactForce

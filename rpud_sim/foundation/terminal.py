@@ -72,7 +72,7 @@ def columns(stream: TextIO) -> int:
 
 
 def complain(program: str, reason: object) -> None:
-    """Print an error on standard error, as one line; the exit code tells it where nobody reads."""
+    """Print an error on standard error, as one line; the exit code shows it where nobody reads."""
     with suppress(BrokenPipeError):
         print(f"{program}: {printable(reason, LONGEST_LINE)}", file=sys.stderr)
 

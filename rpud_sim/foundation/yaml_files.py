@@ -163,7 +163,7 @@ class Cursor:
     lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
-    repeated: Set[Place] = frozenset()  # places of keys that stand twice, of which the later counts
+    repeated: Set[Place] = frozenset()  # places of keys that occur twice, of which the later counts
 
     @property
     def prefix(self) -> str:

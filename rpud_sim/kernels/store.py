@@ -60,7 +60,7 @@ def choose_target(cpu: str, features: str) -> Target:
 
 @functools.cache
 def this_target() -> Target:
-    """Return the target on this machine; NUMBA_CPU_NAME and NUMBA_CPU_FEATURES stand in for it."""
+    """Return the target on this machine; NUMBA_CPU_NAME and NUMBA_CPU_FEATURES replace it."""
     features = config.CPU_FEATURES
     if features is None:
         features = get_host_cpu_features()

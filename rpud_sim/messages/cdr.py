@@ -196,7 +196,7 @@ _NO_FIELDS = Shape(1, _FIELD, 1, 0)
 
 
 def foreign_encoding(data: bytes) -> str:
-    """Return in words why the bytes of a message are no plain CDR; empty if they may be."""
+    """Return in words why the bytes of a message are not plain CDR; empty if they may be."""
     if len(data) < HEAD:
         return f"it has {len(data)} bytes, and is not plain CDR"
     if data[:2] in _ORDERS:

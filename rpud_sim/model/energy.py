@@ -226,7 +226,7 @@ def add_event(rpud, before, after, segment, account):
     fm = 0.5 * (fm_before + fm_after)
     tip = 0.5 * (np_before + np_after + vibration_before + vibration)
     account[ACTUATOR_WORK] += from_tip * 0.5 * (vibration_before + vibration)
-    # In blows on both at one instant the mean velocities tell the loss of both together alone.
+    # In blows on both at one instant the mean velocities show the loss of both together alone.
     both = min(abs(from_tip), abs(on_tool)) > segment.free_mass * SAME_VELOCITY
     account[IMPACTS if both else ACTUATOR_COLLISIONS] += from_tip * (tip - fm)
     account[IMPACTS] += on_tool * (fm - 0.5 * (dt_before + dt_after))

@@ -235,8 +235,8 @@ def wrong_header(entries: Sequence[RecordedEntry]) -> WrongHeader | None:
     return None
 
 
-# Progress of a drill at one message. Times are in nanoseconds. Only a status says whether the drill
-# stopped, and counts the journal's entries so far: -1 elsewhere.
+# Progress of a drill at one message. Times are in nanoseconds. Only a status shows whether the
+# drill stopped, and counts the journal's entries so far: -1 elsewhere.
 PROGRESS = np.dtype(
     [
         ("log_time", np.int64),

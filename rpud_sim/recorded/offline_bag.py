@@ -1,4 +1,4 @@
-"""Bags of runs without ROS, as of the drill node: of a new run, and of a fork."""
+"""Bags of runs without ROS, as for the drill node: of a new run, and of a fork."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ def runs_of(
 ) -> list[RecordedRun]:
     """Return the runs of a drill in a bag, at least one.
 
-    ``topic`` chooses one of several journals. An UnverifiableError says why runs cannot be told.
+    ``topic`` chooses one of several journals. An UnverifiableError explains a failure.
     """
     found = held_journals(bag)
     names = listed(found)

@@ -121,7 +121,7 @@ def verify(
     if found is None or not found.proved:
         # The clock may have been set back: then log times have another order than the messages.
         with suppress(RecordingError, BagFormatError), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # those of the bag have been said
+            warnings.simplefilter("ignore")  # those of the bag have been reported
             with closing(ReceivedOrder(path)) as shifted:
                 if shifted.set_back and _more_equal(other := _verified(shifted, report), found):
                     return other

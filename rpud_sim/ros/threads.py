@@ -1,4 +1,4 @@
-"""Threads with deadlines: requests to them, their delays, and executors that give way to them."""
+"""Threads with deadlines: requests to them, their delays, and executors that yield to them."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def _run(number: int, point: Mapping[str, Any], duration: float, seed: int) -> D
         return simulate(duration, seed=seed, **point)
     except ParameterError as error:
         raise ParameterError(f"point {number}: {error}") from None
-    except TypeError:  # a name that is no text, or an argument twice
+    except TypeError:  # a name that is not a text, or an argument twice
         reason = f"point {number}: {shown(point)} is not what rpud_sim.simulate takes"
         raise ParameterError(reason) from None
 

@@ -29,7 +29,7 @@ class ActuatorParameters(ParameterGroup):
     """Parameters of the actuator, in SI units.
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
-    assumed; docs/explanation/actuator.md says why.
+    assumed; docs/explanation/actuator.md explains why.
     """
 
     actuator_model: str = choice(

@@ -63,7 +63,7 @@ class Control:
 
     @property
     def _carried(self) -> bool:
-        """Whether samples have to come for a mount that moves, and nothing else says when."""
+        """Whether samples have to come for a mount that moves, and nothing else reports when."""
         motion = self.given.motion
         moves = isinstance(motion, MountMotion) and motion.velocity != 0.0
         return moves and self.active and not self._timeout

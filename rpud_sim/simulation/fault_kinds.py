@@ -2,7 +2,7 @@
 
 A physical fault changes the drill, so that every channel shows its effect through the physics. A
 signal fault changes the messages of one channel of a healthy drill. ``docs/reference/faults.md``
-explains the kinds and says where the effect of a magnitude is assumed.
+explains the kinds, and where the effect of a magnitude is assumed.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class FaultKind:
     needs: tuple[_Need, ...] = ()  # of the drill
     # meaning of its magnitude, None if it has none; without unit if the unit is the channel's
     magnitude: Quantity | None = None
-    # magnitude that NaN stands for; a factor on the channel's scale if the unit is the
+    # magnitude of NaN; a factor on the channel's scale if the unit is the
     # channel's
     default: float = 0.0
     # magnitude inside the range that would change nothing and is rejected
@@ -98,7 +98,7 @@ class FaultKind:
         return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
 
     def default_on(self, channel: str) -> float:
-        """Return the magnitude that NaN stands for on a channel."""
+        """Return the magnitude of NaN on a channel."""
         return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
 
 

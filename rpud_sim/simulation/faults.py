@@ -35,7 +35,7 @@ MOST_DAMPING_RATIO = 0.99
 
 
 class FaultError(ParameterError):
-    """Unusable fault; the text says why, in one line."""
+    """Unusable fault; the text explains why, in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Fault:
 
     kind: str  # one of ``KINDS``
     channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one
-    # in the unit of the kind; NaN stands for the kind's default. Kinds without a magnitude
+    # in the unit of the kind; NaN means the kind's default. Kinds without a magnitude
     # take NaN or zero; it is kept as zero.
     magnitude: float = math.nan
 

@@ -194,7 +194,7 @@ def joint_state_fields(samples: Samples, stamps: np.ndarray, states: States = ()
 
     The effort is the force between mount and body, positive toward the rock: the reacting force on
     the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
-    the model. The feed's joint is its drive, as an encoder shows it: the arm may give way beyond.
+    the model. The feed's joint is its drive, as an encoder shows it: the arm may yield beyond.
     Its effort is the force of the arm on the mount [N], that of the rotation the torque of the
     drive on the rotor [N m].
     """

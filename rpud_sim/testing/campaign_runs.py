@@ -1,4 +1,4 @@
-"""Runs of a campaign: attempts beside the system under test, and what they say together.
+"""Runs of a campaign: attempts beside the system under test, and what they report together.
 
 The results are each requirement under each scenario, as table, JSON and page.
 """

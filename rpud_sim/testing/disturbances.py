@@ -24,7 +24,7 @@ _SEEDS = 1 << 32  # of an order: 0 is for none
 
 
 class Stop(NamedTuple):
-    """Process that stands still for a real time."""
+    """Process that is stopped for a real time."""
 
     name: str
     delay: int  # since the step began [ms]

@@ -71,7 +71,7 @@ class LockstepDrill(Lockstep):
         self.observed = False  # whether the test has looked at anything of the drill
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
-        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
+        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys replace each other
         self.seed = NO_SEED  # of the drill
         self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 

@@ -325,7 +325,7 @@ class Lockstep:
 
 
 def described(condition: Callable[[], object]) -> str:
-    """Return a condition in words: its name, or where it stands."""
+    """Return a condition in words: its name, or its place in the source."""
     name = getattr(condition, "__name__", "")
     if name and name != "<lambda>":
         return name

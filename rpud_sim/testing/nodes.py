@@ -227,7 +227,7 @@ class Answers:
         return ""
 
     def begin(self) -> None:
-        """Begin a step: what has come until now is no answer to it."""
+        """Begin a step: what has come until now is not an answer to it."""
         for answer in self._answers:
             answer.begun = answer.heard
 

@@ -40,13 +40,13 @@ class SystemUnderTest(ChildProcess):
     note: Callable[[str], None]  # writes down what the test does with it
 
     def stop(self) -> None:
-        """End it; that it is gone is no failure."""
+        """End it; that it is gone is not a failure."""
         self.expected = True
         self.resume()
         super().stop()
 
     def kill(self) -> None:
-        """Kill it; its end is no failure."""
+        """Kill it; its end is not a failure."""
         self.expected = True
         super().kill()
 
@@ -58,12 +58,12 @@ class SystemUnderTest(ChildProcess):
         super().send(number)
 
     def disturb(self, number: int) -> None:
-        """Send a signal that is no act of the test: it is not noted, and ends no pause."""
+        """Send a signal that is not an act of the test: it is not noted, and ends no pause."""
         if self.running and not self.paused:
             super().send(number)
 
     def pause(self) -> None:
-        """Let it stand still, as one that hangs; the test awaits its declared answers all the same.
+        """Stop it, as a process that hangs; the test awaits its declared answers all the same.
 
         ``drill.with_answers()`` ends these.
         """

@@ -259,7 +259,7 @@ class Until(Formula):
 class After(Formula):
     """The formula holds at every instant of an event; undecided if the event never comes."""
 
-    trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
+    trigger: Formula  # an event; another formula gives the instants at which it begins to hold
     formula: Formula  # that holds then
 
 

@@ -84,7 +84,7 @@ def quantile(
 
 
 class _Form(NamedTuple):
-    """Mapping that stands for a formula. Its first key gives the form."""
+    """Mapping of a formula. Its first key gives the form."""
 
     make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
@@ -197,7 +197,7 @@ def _between(cursor: Cursor) -> Any:
     return [None if each in ("end", None) else each for each in cursor.value]
 
 
-_READERS: Mapping[str, Reader] = {  # of the fields that are no formulas
+_READERS: Mapping[str, Reader] = {  # of the fields that are not formulas
     "fault": as_it_is,
     "formulas": list_of(to_formula),
     "number": _number,

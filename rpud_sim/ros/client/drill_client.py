@@ -107,7 +107,7 @@ class DrillClient(ListeningNode):
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
-    # What the drill is and says.
+    # What the drill is and reports.
 
     @property
     def namespace(self) -> str:
@@ -370,7 +370,7 @@ class DrillClient(ListeningNode):
     def _set_state(self, state: int, name: str) -> None:
         request = srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
         self._ask("simulation/set_state", request, repeat=True)
-        states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
+        states = (name, Status.STATE_INACTIVE)  # which does not depend on its time
         self.until(lambda: self.status.state in states, what=f"no status reported {name}")
 
     def _advance(self, name: str, request: Any) -> Any:

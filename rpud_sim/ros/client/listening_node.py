@@ -192,7 +192,7 @@ def drill_nodes(node: Node) -> list[str]:
 
 
 def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str:
-    """Return one line that says that there is no drill in a namespace, and where there are some."""
+    """Return the line of an error: no drill in a namespace, and where there are some."""
     others = [each for each in drill_namespaces(node) if each != namespace]
     where = "there is none in the whole domain: `rpud run` starts one, or its ROS_DOMAIN_ID differs"
     if others:

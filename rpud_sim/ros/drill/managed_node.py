@@ -197,7 +197,7 @@ def log_exceptions(transition: Transition[Managed]) -> Transition[Managed]:
 class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
-    ``changed`` is called with new settings; ``fixed`` says why those that need a reset must stay.
+    ``changed`` is called with new settings; ``fixed`` explains why some settings need a reset.
     ``words`` are the arguments of ROS that the node is started with.
     """
 
@@ -229,7 +229,7 @@ class DrillParameters:
         fixed = self._fixed()
         reason = ""
         for name in values if fixed else ():
-            # The current value is no change: a dump of these parameters may be loaded.
+            # The current value is not a change: a dump of these parameters may be loaded.
             if name in _FIXED and self._differs(name, values):
                 reason = f"{name} {fixed}{_COMMANDED.get(name, '').format(values[name])}"
         try:
@@ -260,7 +260,7 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
     pairs = list(pairwise(words))
     paths = [each for word, each in pairs if word == "--params-file"]
     rules = [each.partition(":=") for word, each in pairs if word in ("-p", "--param")]
-    # What a file has for others is no parameter of the drill; what is given by name must be one.
+    # What a file has for others is not a parameter of the drill; what is given by name must be one.
     known = {*PARAMETERS, *(target.rpartition(":")[2] for target, _, _ in rules)}
     values = {
         name: override.value

@@ -220,7 +220,7 @@ class JournalStore:
         self.count = 0  # entries so far
         self._lock = threading.Lock()
         self._pages: deque[bytes] = deque(maxlen=most // _PAGE)
-        self._newest: Entries = []  # that are no page yet
+        self._newest: Entries = []  # not compressed yet
 
     @property
     def first_kept(self) -> int:

@@ -289,7 +289,7 @@ def _unsupported(reason: str) -> RequestError:
 
 
 class DeliveryServer:
-    """Service that says what the drill has published, and who has discovered it; made last."""
+    """Service that shows what the drill has published, and who has discovered it; made last."""
 
     def __init__(self, node: ManagedNode, loop: PacingLoop) -> None:
         self._node = node

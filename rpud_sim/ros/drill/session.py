@@ -31,7 +31,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import offered_topics
 
 _PART = 0.0002  # that a part of the work without a deadline takes [s]
-_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
+_STANDSTILL_PERIOD = 0.1  # of /clock while time is paused [s]
 _STEP_PART = SECOND // 10  # of a step with subscribers: commands act between two parts [ns]
 
 
@@ -257,7 +257,7 @@ class Session:
     # What services and parameters do.
 
     def halt(self) -> None:
-        """Begin again and let time stand still."""
+        """Begin again and pause time."""
         self.reset(time=True, state=True)
         self.timeline.stop()
 

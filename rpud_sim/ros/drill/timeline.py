@@ -1,4 +1,4 @@
-"""Timeline of the drill: its time plays, stands still or steps; its source, and deadlines."""
+"""Timeline of the drill: its time plays, pauses or steps; its source, and deadlines."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ class Pacer:
 
 
 class Timeline:
-    """Play, pause and steps of simulation time, and its schedule; it stands still at first."""
+    """Play, pause and steps of simulation time, and its schedule; it is paused at first."""
 
     def __init__(
         self,
@@ -256,11 +256,11 @@ class Timeline:
         self._hold("the simulation was set to play", playing=True)
 
     def pause(self) -> None:
-        """Let time stand still."""
+        """Pause time."""
         self._hold("the simulation was paused")
 
     def stop(self) -> None:
-        """Let time stand still at its start."""
+        """Pause time at its start."""
         self._hold("the simulation was stopped", at_start=True)
 
     def check_step(self, time: int, goal: int) -> None:

@@ -37,7 +37,7 @@ from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.replay.playback import Messages, Playback, read_ahead
 from rpud_sim.ros.threads import RequestError, quick_switches, raised, serve, settled_memory
 
-_PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
+_PRIORITY = 10  # as for a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
 _FIRST_WINDOW = 10 * SECOND  # before a position, in which latched messages are looked for [ns]
@@ -131,7 +131,7 @@ class Replayer(Node):
     def publish(self, message: Message, *, hurried: bool) -> bool:
         """Publish a message as it was serialized; see ``AcknowledgedPublishers.send``.
 
-        One that is no plain CDR, or does not fit the installed type, is left out and counted: a
+        One that is not plain CDR, or does not fit the installed type, is left out and counted: a
         subscriber would fail to read it.
         """
         try:
@@ -166,7 +166,7 @@ def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
     reliable = not recorded or any(profile.reliability != "best_effort" for profile in recorded)
     manual = any(profile.liveliness == "manual_by_topic" for profile in recorded)
     offer = QoSProfile(
-        # Except for latched topics a depth is only room, which a fast replay needs.
+        # Except for latched topics a depth is only space, which a fast replay needs.
         depth=max(depths, default=default_depth) if latched else max([*depths, default_depth]),
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
@@ -195,10 +195,10 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
             return None
         codec = Codec(topic.type, summary.definition)
     except BagFormatError as error:
-        if not topic.type_hash:  # nothing says that it is another version
+        if not topic.type_hash:  # nothing reports that it is another version
             return None
         raise UnknownTypeError(str(error)) from error
-    except BagError:  # the type is no part of an installation
+    except BagError:  # the type is not part of an installation
         return None
     if codec.type_hash == expected:  # bags of other tools have definitions without a hash
         return None
@@ -334,7 +334,7 @@ def _replay(
         last = min(last, first + round(options.duration * SECOND))
 
     def read(position: int) -> Messages:
-        # A whole replay has all messages, whatever times the bag's statistics say.
+        # A whole replay has all messages, whatever times the bag's statistics report.
         duration = None if options.duration is None else last - position + 1
         return read_ahead(bag.messages(list(node.topics), position - bag.start_time, duration))
 
