@@ -166,7 +166,7 @@ class BagReader:
         return _due_batches(self.chunks(), topics, begin if start > 0 else 0, end)
 
     def columns(self, topic: str) -> tuple[Column, ...]:
-        """Return the columns of a topic's table, with units; errors are those of ``tables``."""
+        """Return the columns of a topic's table, with units; errors as in ``tables``."""
         return self._tables.table(topic).columns
 
     def tables(

@@ -196,7 +196,7 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     for name, each in topics:
         if each.tail:
             shown = printable(name, LONGEST_NAME)
-            yield f"{shown}: {each.tail} messages are missing at the end, while the drill went on"
+            yield f"{shown}: {each.tail} messages are missing at the end, while the drill continued"
     since = cell(found.begins and found.begins / SECOND, ".9f", "")
     since = since and f" from {since} s on, where its journal begins"
     if difference:

@@ -113,7 +113,7 @@ class Simulation:
     def move_to(self, time: int) -> None:
         """Advance to a time [ns] within the current block."""
         if time < self.time:
-            raise ValueError(f"time {time} ns is before the present {self.time} ns")
+            raise ValueError(f"time {time} ns is before the current {self.time} ns")
         while (step := self._plant.next_step) <= time:
             self._plant.advance_to(step)
         if self.time < time:  # or changes at one instant would act one by one

@@ -307,7 +307,7 @@ class LockstepDrill(Lockstep):
                 connected when the graph has not changed for a while.
             ready: further condition: a regular expression that its output has, or a callable.
             timeout: longest real time until then [s].
-            hears: the name of ``subscribes_to`` in 0.3.
+            hears: name of ``subscribes_to`` in 0.3.
 
         Raises:
             SystemUnderTestError: if it ends, or is not connected within the time.

@@ -40,7 +40,7 @@ class LogEntry:
     kind: str  # ``COMMAND``, ``FAULT``, ``RUN`` or ``REFUSAL``
     text: str
     name: str = ""  # of what has changed several times
-    count: int = 1  # of the changes that it stands for
+    count: int = 1  # of the changes that it represents
 
     def plain(self) -> dict[str, Any]:
         times, last = f"\N{MULTIPLICATION SIGN}{self.count}", self.text.removeprefix(self.name)
@@ -90,7 +90,7 @@ class Commands:
 
     def refuse(self, time: float, reason: str) -> None:
         """Add a rejection to the log, at a time [s]."""
-        self._log(time, REFUSAL, f"refused: {plain_refusal(reason)}")
+        self._log(time, REFUSAL, f"rejected: {plain_refusal(reason)}")
 
     @property
     def quantities(self) -> Collection[str]:
@@ -104,9 +104,9 @@ class Commands:
     ) -> dict[str, Any]:
         """Return the fields ``log`` and ``log_thinned`` of a frame.
 
-        ``faults`` are those of the frame. Their beginnings and ends take the place of what the
-        journal says of faults. One entry takes the place of what the drill did by itself while
-        commands were lost, from and until [s].
+        ``faults`` are those of the frame. Their beginnings and ends replace what the
+        journal contains about faults. One entry replaces what the drill did by itself while commands
+        were lost, from and until [s].
         """
         told = []
         for fault in faults:

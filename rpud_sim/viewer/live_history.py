@@ -156,7 +156,7 @@ class LiveHistory(History):
     def holes(self, signal: Signal) -> list[tuple[float, float]]:
         found = [*self._holes.get(signal.topic, ())]
         now, until = self.time or 0.0, self._until.get(signal.topic, math.inf)
-        if signal.topic == self.struck:  # no impact is no loss
+        if signal.topic == self.struck:  # without impacts nothing is lost
             found += super().holes(signal)
         elif until < now - _SILENCE:
             found.append((until, now))

@@ -178,7 +178,7 @@ class _Guarded(web.RequestHandler):
     """Handler that requires the token, and rejects requests that another page sends.
 
     A page of another site may ask the browser to connect here, or its name may suddenly resolve to
-    this machine. The browser tells both: in ``Origin`` and in ``Host``. Without a token the address
+    this machine. The browser sends both: in ``Origin`` and in ``Host``. Without a token the address
     is that of the machine itself.
     """
 
@@ -194,7 +194,7 @@ class _Guarded(web.RequestHandler):
         if origin is not None and _parts(origin).netloc.lower() != host:
             self._refuse(f"origin {origin!r:.200} is not this server")
         token = self.server.place.token
-        cookie = f"rpud_watch_{self.server.port}"  # tells several servers apart
+        cookie = f"rpud_watch_{self.server.port}"  # distinguishes several servers
         if not token:
             if not _is_own(_parts(f"//{host}").hostname or ""):
                 self._refuse(f"host {host!r:.200} is not this machine")
