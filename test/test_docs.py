@@ -16,6 +16,7 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
+from rpud_sim.foundation.verbs import VERBS
 from rpud_sim.messages.batch import rows_of
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.simulation.configuration import to_settings
@@ -82,36 +83,17 @@ def run(command, folder):
 
 
 @pytest.mark.extended
-@pytest.mark.timeout(240)
-@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=name_of)
-def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
-    """Of a block ``text about`` the words count: a live drill or this machine gives the numbers."""
+@pytest.mark.timeout(900)
+def test_every_command_runs_and_prints_what_is_shown(tmp_path):
+    """All pages, in the order of the index and in one folder, as in the clone of a reader.
+
+    Of a block ``text about`` the words count, and the numbers to a factor of two: a live drill or
+    this machine gives them.
+    """
     for folder in ("config", "examples"):
         (tmp_path / folder).symlink_to(ROOT / folder)
-    printed, shown, about, ran = [], [], [], False
-    for language, block in blocks(page):
-        source = re.match(r"# (examples/\S+)\n", block)
-        if language == "bash":
-            printed.append(run(["bash", "-euc", block], tmp_path))
-            ran = True
-        elif source:
-            assert block.removeprefix(source[0]) == (ROOT / source[1]).read_text()
-        elif language == "python":
-            printed.append(run([sys.executable, "-c", block], tmp_path))
-            ran = True
-        elif language == "text" and ran:
-            shown.append(block)
-        elif language == "text about" and ran:
-            about.append(block)
-        elif language == "text about" and (ROOT / ".venv").exists():  # what `make run` prints
-            bag = tmp_path / "bags" / "made"
-            command = ["make", "--no-print-directory", "run", "DURATION=3", f"BAG={bag}"]
-            printed.append(run(command, ROOT).replace(f"{tmp_path}/", ""))
-            about.append(block)
-    for blocks_shown, like in (shown, content), (about, shape):
-        found = {like(line) for line in "".join(printed).splitlines()}
-        expected = {like(line) for line in "".join(blocks_shown).splitlines() if line != "..."}
-        assert expected - found == set()
+    wrong = [text for page in in_reading_order() if runs(page) for text in tried(page, tmp_path)]
+    assert wrong == [], "\n".join(wrong)
     if (ROOT / ".git").exists():  # what a reader makes in the clone disturbs neither git nor lint
         made = {path.name + "/" * path.is_dir() for path in tmp_path.iterdir()}
         new = made - {"config/", "examples/"}
@@ -119,6 +101,71 @@ def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
             ["git", "check-ignore", *new], cwd=ROOT, stdout=subprocess.PIPE, text=True
         )
         assert set(ignored.stdout.split()) == new
+
+
+def in_reading_order():
+    index = re.findall(r"^([a-z/_-]+)$", (DOCS / "index.md").read_text(), re.MULTILINE)
+    listed = [ROOT / "README.md", *((DOCS / name).with_suffix(".md") for name in index)]
+    return [*listed, *(page for page in PAGES if page not in listed)]
+
+
+def tried(page, folder):
+    """Run the blocks of a page, and yield what went wrong."""
+    printed, shown, about, ran = [], [], [], False
+    try:
+        for language, block in blocks(page):
+            source = re.match(r"# (examples/\S+)\n", block)
+            if language == "bash":
+                printed.append(run(["bash", "-euc", block], folder))
+                ran = True
+            elif source:
+                assert block.removeprefix(source[0]) == (ROOT / source[1]).read_text()
+            elif language == "python":
+                printed.append(run([sys.executable, "-c", block], folder))
+                ran = True
+            elif language == "text" and ran:
+                shown.append(block)
+            elif language == "text about" and ran:
+                about.append(block)
+            elif language == "text about" and (ROOT / ".venv").exists():  # what `make run` prints
+                bag = folder / "bags" / "made"
+                command = ["make", "--no-print-directory", "run", "DURATION=10", f"BAG={bag}"]
+                printed.append(run(command, ROOT).replace(f"{folder}/", ""))
+                about.append(block)
+    except AssertionError as error:
+        yield f"{name_of(page)}: {error}"
+        return
+    lines = "".join(printed).splitlines()
+    for line in filter(lambda line: line != "...", "".join(shown).splitlines()):
+        if content(line) not in map(content, lines):
+            yield f"{name_of(page)}: not printed: {line}"
+    for line in filter(lambda line: line != "...", "".join(about).splitlines()):
+        if not any(is_about(each, line) for each in lines):
+            yield f"{name_of(page)}: not printed, nor about it: {line}"
+
+
+def is_about(printed, shown):
+    """Whether two lines have the same words, and numbers that differ less than twofold."""
+    if shape(printed) != shape(shown):
+        return False
+    pairs = zip(*(NUMBER.finditer(content(each)) for each in (printed, shown)), strict=True)
+    return all(close(float(a[0]), float(b[0])) for a, b in pairs)
+
+
+def close(printed, shown):
+    """Whether a number is the shown one within a factor of two, or 5 where it is small."""
+    return abs(printed - shown) <= max(abs(shown), abs(printed)) / 2 or abs(printed - shown) <= 5
+
+
+def test_no_two_pages_write_the_same_name():
+    """A second page that writes a bag finds that it exists, or judges the bag of the first."""
+    written = re.compile(r"(?:--(?:out|bag|record|plots)|cat >|save\()[ \"]+([\w./]+)")
+    places = {}
+    for page in PAGES:
+        text = "".join(block for kind, block in blocks(page) if kind in ("bash", "python", "sh"))
+        for name in set(written.findall(text)):
+            places.setdefault(name, []).append(name_of(page))
+    assert {name: pages for name, pages in places.items() if len(pages) > 1} == {}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -136,8 +183,8 @@ def test_console_blocks_hold_only_what_cannot_run_here(page):
         elif words[0] == "python":  # so does this, in part
             assert words[1] == "examples/mutants.py"
         else:
-            endless = {"--scheduler", "--watch", "watch"} & set(words)
-            assert words[0] in ("ros2", "source", "export", "git", "cd") or endless, line
+            beside = {"--watch", "watch", *VERBS} & set(words)  # of a second terminal
+            assert words[0] in ("ros2", "source", "export", "git", "cd") or beside, line
 
 
 def cells(line):

@@ -1,14 +1,16 @@
 """Check what no other tool looks at; each check below says what it is about.
 
-`python toolchain/check_repository.py [NAME ...]` needs the environment of env.bash.
+`python -m toolchain.check_repository [NAME ...]` needs the environment of env.bash.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import json
 import re
 import sys
+import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
@@ -37,6 +39,7 @@ _OF_PIP = ("mcap-ros2-support", "python3-rosbags-pip")
 # What bloom knows when it evaluates conditions.
 _RELEASE = {"ROS_DISTRO": "jazzy", "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3"}
 _NUMBERS = ("double", "boolean", "uint32", "uint64", "string")
+MOST_WORDS = 36_000
 _LARGEST = {".webp": 1_500_000, ".png": 350_000, ".svg": 350_000}  # pictures [byte]
 
 
@@ -188,7 +191,49 @@ def requirements() -> Iterator[str]:
         )
 
 
-CHECKS = (manifests, circles, test_names, layouts, evidence, pictures, requirements)
+def words() -> Iterator[str]:
+    """No text has a word of ``words.py``, and all pages together are below ``MOST_WORDS``.
+
+    A word is what has a letter or a digit between two spaces, also in code and tables.
+    """
+    from toolchain import reference  # which a release does not need
+    from toolchain.words import EVERYWHERE, PAGES
+
+    texts = sorted(
+        each
+        for folder in ("", "docs", "examples")
+        for each in (ROOT / folder).glob("**/*.md" if folder else "*.md")
+    )
+    count = sum(len(re.findall(r"\S*\w\S*", each.read_text(encoding="utf-8"))) for each in texts)
+    if count >= MOST_WORDS:
+        yield f"all pages together have {count} words, not less than {MOST_WORDS}"
+    for page in texts:
+        text = re.sub(r"```.*?```|`[^`\n]*`|\]\([^)]*\)", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        yield from _unplain(page, text, {**EVERYWHERE, **PAGES})
+    for file in sorted(MESSAGES.parent.glob("[ms][sr][gv]/*")):
+        comments = "\n".join(re.findall(r"#(.*)", file.read_text(encoding="utf-8")))
+        yield from _unplain(file, comments, {**EVERYWHERE, **PAGES})
+    yield from _unplain(ROOT / "rpud --help", reference.commands(), {**EVERYWHERE, **PAGES})
+    for source in sorted((ROOT / "rpud_sim").rglob("*.py")):
+        for row, text in _texts_of(source.read_text(encoding="utf-8")):
+            yield from _unplain(Path(f"{source}:{row}"), text, EVERYWHERE)
+
+
+def _unplain(file: Path, text: str, patterns: dict[str, str]) -> Iterator[str]:
+    for pattern, plain in patterns.items():
+        for found in re.findall(rf"\b(?:{pattern})\b", text):
+            yield f"{file}: {found!r}: {plain}"
+
+
+def _texts_of(source: str) -> Iterator[tuple[int, str]]:
+    """Yield comments and texts of a module, without names in double backquotes."""
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        kinds = (tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", -1))
+        if token.type in kinds and " " in token.string.strip():
+            yield token.start[0], re.sub(r"``.*?``|\{.*?\}|\w+ is now", "", token.string)
+
+
+CHECKS = (words, manifests, circles, test_names, layouts, evidence, pictures, requirements)
 
 
 def main() -> int:

@@ -11,7 +11,7 @@ check ruff check
 check ruff format --check
 check mypy
 check lint-imports --no-logo
-check python toolchain/check_repository.py
+check python -m toolchain.check_repository
 # The code of the screen. Its checker comes from npm, which CI has.
 tsc=.venv/typescript/node_modules/.bin/tsc
 if [ -x $tsc ] || [ -n "${CI:-}" ] || [ "${RPUD_BROWSER:-}" = required ]; then

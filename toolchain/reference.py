@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import inspect
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import rpud_sim
-from rpud_sim.cli.main import COMMANDS, build_parser, load_command
-from rpud_sim.foundation.shown_quantities import QUANTITIES
-from rpud_sim.model import tolerances
+from rpud_sim.cli.main import build_parser, load_command
+from rpud_sim.foundation.verbs import VERBS
+from rpud_sim.ros.client import DrillClient
+from rpud_sim.ros.drill import health
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
@@ -24,23 +24,13 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.testing import LockstepDrill
 
 Rows = Sequence[Sequence[str]]
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-PACKAGES = (
-    "rpud_sim.bag",
-    "rpud_sim.simulation",
-    "rpud_sim.ros.client",
-    "rpud_sim.testing",
-    "rpud_sim.verdicts",
-    "rpud_sim.recorded.compare",
-)
 _MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
-_FIELD = re.compile(
-    r"\s*(?P<type>\S+)\s+(?P<name>\w+)(?:=(?P<value>\S+)|\s*=\s*(?P<constant>\S+))?\s*(?:#\s*(?P<comment>.*))?$"
-)
 
 
 def parameters() -> Rows:
@@ -78,78 +68,38 @@ def faults() -> Rows:
     return rows
 
 
-def commands() -> Rows:
-    """Return every command with its arguments and options."""
-    rows = [("group", "command", "argument", "meaning")]
+def commands() -> str:
+    """Return every command but verbs with its arguments; options of three or more come first."""
     chosen = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
-    for name, parser in chosen.choices.items():
-        rows.append((COMMANDS[name][0], f"rpud {name}", "", load_command(name).help))
-        for action in parser._actions:
-            if isinstance(action, argparse._HelpAction) or action.help in (None, argparse.SUPPRESS):
-                continue
-            value = action.metavar or "|".join(map(str, action.choices or [action.dest.upper()]))
-            words = [*action.option_strings, *([] if action.nargs == 0 else [str(value)])]
-            meaning = action.help % {**vars(action), "prog": parser.prog}
-            rows.append((COMMANDS[name][0], f"rpud {name}", " ".join(words), meaning))
-    return rows
+    options = {n: dict(_arguments(p)) for n, p in chosen.choices.items() if n not in VERBS}
+    count = Counter(option for each in options.values() for option in each.items())
+    shared = [option for option, number in count.items() if number > 2]
+    parts = ["### Options of several commands", table([("option", "meaning"), *shared])]
+    for name, each in options.items():
+        text = load_command(name).help
+        named = (option.split()[0] for option, _ in filter(shared.__contains__, each.items()))
+        others = ", ".join(f"`{option}`" for option in named)
+        text = f"{text[0].upper()}{text[1:]}.{f' Also takes {others}.' if others else ''}"
+        parts.append(f"### rpud {name}\n\n{text}")
+        own = [option for option in each.items() if option not in shared]
+        parts += [table([("argument", "meaning"), *own])] if own else []
+    return "\n\n".join(parts)
 
 
-def shown_quantities() -> Rows:
-    """Return every quantity of screens, pages and lines: name, symbol, units, messages."""
-    rows = [("quantity", "name", "symbol", "SI unit", "shown in", "from")]
-    for each in QUANTITIES.values():
-        sources = ", ".join(each.sources)
-        rows.append((each.label, each.name, each.symbol, each.si, each.unit, sources))
-    return rows
+def _arguments(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
+    """Yield each argument of a command with its meaning."""
+    for action in parser._actions:
+        if isinstance(action, argparse._HelpAction) or action.help in (None, argparse.SUPPRESS):
+            continue
+        value = action.metavar or "|".join(map(str, action.choices or [action.dest.upper()]))
+        words = [*action.option_strings, *([] if action.nargs == 0 else [str(value)])]
+        meaning = action.help % {**vars(action), "prog": parser.prog}
+        yield " ".join(words), meaning
 
 
 def energy() -> Rows:
     """Return the terms of the energy account."""
     return [("term", "meaning [J]"), *_fields(EnergyAccount)]
-
-
-def bounds() -> Rows:
-    """Return the tolerances of the engine with the comments above them."""
-    rows, comment = [("bound", "value", "meaning")], ""
-    for line in inspect.getsource(tolerances).splitlines():
-        if line.startswith("#"):
-            comment = f"{comment} {line.lstrip('# ')}".strip()
-        elif found := re.match(r"([A-Z_]+) = (\S+)", line):
-            rows.append((found[1], f"{getattr(tolerances, found[1]):g}", comment))
-        else:
-            comment = ""
-    return rows
-
-
-def messages() -> Rows:
-    """Return every field of every message and service: type, name, meaning."""
-    rows = [("message", "field", "type", "meaning")]
-    for path in sorted((ROOT / "msg_defs").glob("*/*.*")):
-        name = path.stem
-        for line in path.read_text(encoding="utf-8").splitlines():
-            if line == "---":
-                name = f"{path.stem} response"
-                continue
-            comment = line.strip()
-            if comment.startswith("#"):
-                # A comment that goes on below its field.
-                if line.startswith(" ") and rows[-1][0] == name:
-                    *others, meaning = rows[-1]
-                    rows[-1] = (*others, f"{meaning} {comment.lstrip('# ')}")
-            elif comment and (field := _FIELD.match(line)):
-                value = field["constant"] or field["value"]
-                shown = f"{field['name']} = {value}" if value else field["name"]
-                rows.append((name, shown, field["type"], field["comment"] or ""))
-    return rows
-
-
-def grouped(rows: Rows, heading: Callable[[str], str] = str) -> str:
-    """Return a table for each value of the first column, below a heading."""
-    head, *others = rows
-    parts = []
-    for name, group in groupby(others, key=lambda row: row[0]):
-        parts.append(f"### {heading(name)}\n\n{table([head[1:], *(row[1:] for row in group)])}")
-    return "\n\n".join(parts)
 
 
 def table(rows: Rows) -> str:
@@ -162,7 +112,7 @@ def table(rows: Rows) -> str:
 def faces() -> str:
     """Return the members of the classes of the package's face, with types."""
     parts = []
-    for name in ("simulate", "sweep", "open", "DrillRun", "Drill", "DrillBag"):
+    for name in ("simulate", "sweep", "open", "DrillRun", "DrillBag"):
         item = getattr(rpud_sim, name)
         if inspect.isclass(item):
             rows = [("member", "meaning"), *_members(item)]
@@ -173,20 +123,28 @@ def faces() -> str:
     return "\n\n".join(parts)
 
 
-def packages() -> str:
-    """Return the public names of the other packages, each with the first line of its docstring."""
-    parts = []
-    for name in PACKAGES:
-        package = importlib.import_module(name)
-        rows = [("name", "meaning")]
-        for each in package.__all__:
-            item = getattr(package, each)
-            if inspect.isclass(item) or callable(item):
-                rows.append((f"`{each}`", _first_line(item)))
-            else:
-                rows.append((f"`{each}`", f"a {type(item).__name__}"))
-        parts.append(f"### {name}\n\n{table(rows)}")
-    return "\n\n".join(parts)
+def drills() -> Rows:
+    """Return the members of the three classes that command a drill, and which of them have each."""
+    kinds = (rpud_sim.Drill, LockstepDrill, DrillClient)
+    members = [dict(_members(kind)) for kind in kinds]
+    names = sorted({name.strip("`").partition("(")[0] for each in members for name in each})
+    rows = [("member", "meaning", "of")]
+    for name in names:
+        found = [
+            next((item for item in each.items() if re.match(rf"`{name}\b", item[0])), None)
+            for each in members
+        ]
+        call, meaning = next(filter(None, found))
+        own = ", ".join(
+            kind.__name__ for kind, each in zip(kinds, found, strict=True) if each is not None
+        )
+        rows.append((call, meaning, "all" if all(found) else own))
+    return rows
+
+
+def diagnostics() -> Rows:
+    """Return the entries of /diagnostics with their keys."""
+    return [("entry", "keys"), *((entry, keys) for entry, keys in health.KEYS.items())]
 
 
 def _members(item: type) -> Iterator[tuple[str, str]]:
@@ -206,22 +164,10 @@ def _first_line(item: Any) -> str:
 
 
 def _signature(item: Any) -> str:
-    """Return a signature with its types, without the object itself."""
-    found = inspect.signature(item)
-    own = [
-        each.replace(annotation=_Bare(each.annotation))
-        for each in found.parameters.values()
-        if each.name != "self"
-    ]
-    text = str(found.replace(parameters=own, return_annotation=_Bare(found.return_annotation)))
-    return text.replace("pandas.", "").replace(" | os.PathLike[str]", "")
-
-
-class _Bare(str):
-    """Annotation that is shown without quotes."""
-
-    def __repr__(self) -> str:
-        return str(self)
+    """Return the parameters of a function and their defaults."""
+    given = inspect.signature(item).parameters.values()
+    own = [each.replace(annotation=each.empty) for each in given if each.name != "self"]
+    return re.sub(r"<function .* at \w+>", "...", str(inspect.Signature(own)))
 
 
 def _fields(item: type) -> Iterator[tuple[str, str]]:
@@ -240,13 +186,11 @@ def _fields(item: type) -> Iterator[tuple[str, str]]:
 TABLES: dict[str, Callable[[], str]] = {
     "parameters": lambda: table(parameters()),
     "faults": lambda: table(faults()),
-    "commands": lambda: grouped([row[1:] for row in commands()]),
+    "commands": commands,
+    "diagnostics": lambda: table(diagnostics()),
+    "drills": lambda: table(drills()),
     "energy": lambda: table(energy()),
-    "quantities": lambda: table(shown_quantities()),
-    "tolerances": lambda: table(bounds()),
-    "messages": lambda: grouped(messages()),
     "face": faces,
-    "packages": packages,
 }
 
 

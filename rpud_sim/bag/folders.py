@@ -1,4 +1,4 @@
-"""Files of a bag: folders as rosbag2 and people leave them, and files that are no MCAP."""
+"""Files of a bag: folders as rosbag2 and people leave them, and files that are not MCAP."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rpud_sim.foundation.user_files import open_file
 from rpud_sim.messages.errors import BagFormatError, BagNotFoundError, OtherStorageError
 
 _UNPACK = "unpack it first: "
-# First bytes of files that are no MCAP: what they are, and what makes a bag of them. ``{}`` is the
+# First bytes of files that are not MCAP: what they are, and what makes a bag of them. ``{}`` is the
 # file, ``{folder}`` its folder.
 _CONVERT = "rosbags-convert --src {} --dst NEW --dst-storage mcap"
 _OTHERS = {
@@ -54,7 +54,7 @@ class BagFiles(NamedTuple):
 def storage_files(path: Path) -> BagFiles:
     """Return the files of a bag; ``path`` is its folder, one file of it, or its metadata.
 
-    What is no MCAP is an OtherStorageError that names what makes one of it.
+    What is not MCAP is an OtherStorageError that names what makes one of it.
     """
     with reading(path):
         if path.name == FILE_NAME and path.is_file():
@@ -100,7 +100,7 @@ def _number_of(file: Path) -> tuple[str, int, str]:
 
 
 def without_copies(files: Sequence[Path]) -> BagFiles:
-    """Return files without those that have the bytes of one before, of which a warning says it."""
+    """Return files without those that have the bytes of an earlier one, with a warning."""
     kept: list[Path] = []
     warnings = []
     for file in files:

@@ -51,8 +51,8 @@ _ENDS = (Opcode.DATA_END, Opcode.FOOTER)
 class ChunkPlace:
     """Place of a chunk in a file, or of consecutive messages outside of chunks."""
 
-    start_time: int  # no message is earlier, as the file says [ns]
-    end_time: int  # no message is later, as the file says [ns]
+    start_time: int  # no message is earlier, by the record of the file [ns]
+    end_time: int  # no message is later, by the record of the file [ns]
     size: int  # memory that its messages take [bytes]
     start: int  # offsets in the file [bytes]
     end: int
@@ -218,7 +218,7 @@ def _records(
 ) -> Iterator[tuple[int, int, int, bytes]]:
     """Yield kind, start, end and first bytes of each record before the summary section.
 
-    ``skip`` has offsets that are passed, and where the walk goes on [bytes].
+    ``skip`` has offsets that are passed, and where the walk continues [bytes].
     """
     offset, ending, skip = len(MAGIC), file.size - len(MAGIC), skip or {}
     while True:

@@ -40,12 +40,12 @@ class BagChunk:
 
     @property
     def start_time(self) -> int:
-        """Log time that no message precedes, as the file says [ns]."""
+        """Log time that no message precedes, by the record of the file [ns]."""
         return self.place.start_time
 
     @property
     def end_time(self) -> int:
-        """Log time that no message follows, as the file says [ns]."""
+        """Log time that no message follows, by the record of the file [ns]."""
         return self.place.end_time
 
     @property
@@ -173,7 +173,7 @@ class McapFile:
             else:
                 record = parse(self._file.record(place.start, place.end))
                 if not isinstance(record, Chunk) or record.uncompressed_size != place.size:
-                    raise BagFormatError("a chunk is not what its index says")
+                    raise BagFormatError("a chunk does not match its index")
                 content = uncompressed(record)
             _, places, heads = split_records(content)
             return _batches_in(content, places, heads, wanted, self._contents.channels)
@@ -251,7 +251,7 @@ class McapFile:
         if offset not in self._spans:
             record = parse(self._file.record(offset))
             if not isinstance(record, Chunk):
-                raise BagFormatError("a chunk is not what its index says")
+                raise BagFormatError("a chunk does not match its index")
             self._spans[offset] = spans_of(split_records(uncompressed(record))[2])
         return self._spans[offset]
 

@@ -48,7 +48,7 @@ COMPRESSIONS = {"none": "", "zstd": "zstd"}
 LEVEL = -1
 _ENTRY_SIZE = 16  # bytes of a message in the index
 _END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the index of times
-# Messages of at most this size are moved all at once, larger ones one by one [bytes].
+# Messages of at most this size are moved all together, larger ones one by one [bytes].
 _SMALL = 2048
 
 

@@ -1,4 +1,4 @@
-"""What a bag says about itself. Times and durations are integer nanoseconds.
+"""Metadata of a bag. Times and durations are integer nanoseconds.
 
 The metadata of rosbag2, version 9 (Jazzy), is stored twice: in ``metadata.yaml`` under one outer
 key, and without that key in the MCAP file's metadata record ``rosbag2``. rosbag2 fails if a field
@@ -350,7 +350,7 @@ def _losses(value: Mapping[str, Any]) -> Losses:
     found = Losses(transport if transport is None else int(transport), int(queue), int(damaged))
     for count in (found.transport or 0, found.queue, found.damaged):
         if not 0 <= count < 2**63:
-            raise ValueError(f"{count:g} is no number of messages")
+            raise ValueError(f"{count:g} is not a number of messages")
     return found
 
 

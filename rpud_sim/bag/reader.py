@@ -58,7 +58,7 @@ class BagReader:
         for text in (*said, *(file.warning for file in self._files if file.warning)):
             warnings.warn(BagWarning(text), stacklevel=3)
         self.size = sum(file.size for file in self._files)  # of the storage files [bytes]
-        # Statistics of a file without messages say that it starts at 0.
+        # Statistics of a file without messages report that it starts at 0.
         self._filled = [file for file in self._files if file.message_count]
 
     @property
@@ -162,11 +162,11 @@ class BagReader:
     ) -> Iterator[list[Batch]]:
         begin = start + self.start_time
         end = None if duration is None else begin + duration
-        # A whole bag has all messages, whatever times its statistics say.
+        # A whole bag has all messages, whatever times its statistics report.
         return _due_batches(self.chunks(), topics, begin if start > 0 else 0, end)
 
     def columns(self, topic: str) -> tuple[Column, ...]:
-        """Return the columns of a topic's table, with units; errors are those of ``tables``."""
+        """Return the columns of a topic's table, with units; errors as in ``tables``."""
         return self._tables.table(topic).columns
 
     def tables(
@@ -309,7 +309,7 @@ def _due_batches(
             if len(batch):
                 if batch.log_times[0] < reached:
                     raise BagFormatError(
-                        f"{chunk.file.path}: a message is earlier than its chunk says; {REMEDY}"
+                        f"{chunk.file.path}: a message is earlier than its chunk begins; {REMEDY}"
                     )
                 waiting.append(batch)
                 last = max(last, int(batch.log_times[-1]))

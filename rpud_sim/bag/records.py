@@ -1,7 +1,7 @@
 """MCAP records from untrusted bytes.
 
 The ``mcap`` library parses each record from exactly its own bytes. By itself it reads as much as a
-length field says, and a few bytes of zstd may then take all memory.
+length field gives, and a few bytes of zstd may then take all memory.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def split_records(data: bytes) -> tuple[list[RawRecord], np.ndarray, np.ndarray]
         start = offset + head
         offset = start + length
         if offset > size or opcode == 0 or (length < least and opcode == message):
-            raise BagFormatError("a chunk holds what is no record")
+            raise BagFormatError("a chunk contains something that is not a record")
         if opcode == message:
             starts.append(start)
         elif opcode in declarations:
@@ -160,7 +160,7 @@ def uncompressed(chunk: Chunk) -> bytes:
     elif chunk.compression:
         raise BagFormatError(f"a chunk has the unknown compression {chunk.compression[:40]!r}")
     if len(data) != size:
-        raise BagFormatError("a chunk is not as large as it says")
+        raise BagFormatError("a chunk has another size than it gives")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise BagFormatError("the checksum of a chunk is wrong")
     return data

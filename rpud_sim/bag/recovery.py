@@ -1,4 +1,4 @@
-"""Recovery of the whole chunks of a torn or damaged bag into a new one, in bounded memory.
+"""Recovery of the whole chunks of a truncated or damaged bag into a new one, in bounded memory.
 
 Records follow each other by their lengths. Behind a record without a valid length the recovery
 continues at the next chunk that the summary section lists, and ends where there is none.
@@ -70,7 +70,7 @@ def recover(
     out: str | os.PathLike[str],
     progress: Callable[[int], object] = lambda _: None,
 ) -> Recovery:
-    """Write a new bag from a torn one, which is not changed, and return the account.
+    """Write a new bag from a truncated one, which is not changed, and return the account.
 
     ``torn`` is an MCAP file or a bag's directory. A recovery that fails leaves nothing at ``out``.
     ``progress`` is called with the bytes that were read since the last call.
@@ -85,7 +85,7 @@ def recover(
         numbers: dict[tuple[Any, ...], int] = {}
         found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in chosen.files]
         if not any(found):
-            raise BagFormatError(f"{torn} holds nothing of an MCAP file")
+            raise BagFormatError(f"{torn} has no part of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json_text(recovery.to_mapping())})
         bag.close()
         with BagReader(bag.path) as whole:
@@ -105,7 +105,7 @@ def files_to_recover(torn: str | os.PathLike[str]) -> BagFiles:
     folder = path.parent if path.name == FILE_NAME and path.is_file() else path
     files = [file for file in found.files if file.is_file()]
     if folder.is_dir():
-        # Of a torn bag the metadata may be missing, or be older than its last files.
+        # Of a truncated bag the metadata may be missing, or be older than its last files.
         files += [file for file in mcap_files(folder) if file.is_file() and file not in files]
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")

@@ -216,7 +216,7 @@ class Tables:
         for whole in batches:
             name = whole.topic
             for part, size in tables[name].parts(whole, limit):
-                # A batch of one part is made at once. What waits must not keep the chunk.
+                # A batch of one part is made immediately. What waits must not keep the chunk.
                 alone = size >= limit and not waiting[name]
                 waiting[name].append(part if alone else part.packed())
                 sizes[name] += size
@@ -260,7 +260,7 @@ def to_frame(
     """Return a pandas frame with a column as index; ``attrs["units"]`` has the units."""
     pandas = import_extra("pandas", "a frame", "pandas")
     if index not in columns:
-        raise BagError(f"index = {index!r:.80} is no column; {did_you_mean(index, columns)}")
+        raise BagError(f"index = {index!r:.80} is not a column; {did_you_mean(index, columns)}")
     series = {n: objects([*each]) if each.ndim > 1 else each for n, each in columns.items()}
     frame = pandas.DataFrame(series).set_index(index)
     frame.attrs["units"] = dict(units)
@@ -275,7 +275,7 @@ def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
 
 
 def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """Return the columns of the table of rows: ``TIME``, and numbers in place of sequences."""
+    """Return the columns of the table of rows: ``TIME``, and numbers instead of sequences."""
     return (
         TIME,
         *(
@@ -341,7 +341,9 @@ def _offsets(period: float, firsts: np.ndarray, counts: np.ndarray) -> np.ndarra
     most = int(counts.max())
     if not (math.isfinite(period) and period > 0.0 and period * most < _MAX_DURATION):
         count = int(counts[0])
-        raise BagFormatError(f"sample_period = {period:g} s is no time between {count} samples")
+        raise BagFormatError(
+            f"sample_period = {period:g} s is not the time between {count} samples"
+        )
     numbers = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     rate = round(1.0 / period) if period > 1.0 / SECOND else 0
     if rate and abs(rate * period - 1.0) < 1e-12:

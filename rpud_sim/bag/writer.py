@@ -181,7 +181,7 @@ class BagWriter:
         self._opened.write(records)
 
     def split(self) -> None:
-        """Complete the file and go on in a new one."""
+        """Complete the file and continue in a new one."""
         self._complete_file()
         self._open_file()
         self._began = None
@@ -222,7 +222,7 @@ class BagWriter:
         return channel
 
     def _split_if_full(self, size: int, log_time: int) -> None:
-        """Begin a new file if messages of a size [bytes] and from a time on [ns] have no room."""
+        """Begin a new file if messages of a size [bytes] and from a time on [ns] have no space."""
         if self._began is None:
             self._began = log_time
         elif (self._max_duration is not None and log_time - self._began >= self._max_duration) or (

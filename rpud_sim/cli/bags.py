@@ -92,12 +92,12 @@ def _moment(nanoseconds: int) -> str:
 
 @command(
     "recover",
-    "bags/torn --out bags/whole",
+    "bags/damaged --out bags/recovered",
     "make a complete bag from one that was cut off or damaged",
     "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 usage error.",
     JSON,
     torn=positional("TORN", "a bag's folder or one MCAP file; it is not changed"),
-    out=required("the bag's new folder; nothing is overwritten", metavar="DIR"),
+    out=required("the bag's new folder", metavar="DIR", new=True),
 )
 def _recover(options: Any) -> int:
     from rpud_sim.bag.recovery import files_to_recover, recover
@@ -196,7 +196,7 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     for name, each in topics:
         if each.tail:
             shown = printable(name, LONGEST_NAME)
-            yield f"{shown}: {each.tail} messages are missing at the end, while the drill went on"
+            yield f"{shown}: {each.tail} messages are missing at the end, while the drill continued"
     since = cell(found.begins and found.begins / SECOND, ".9f", "")
     since = since and f" from {since} s on, where its journal begins"
     if difference:
@@ -220,7 +220,7 @@ def _verification_lines(found: Verification) -> Iterator[str]:
     "waveform, rebuilt exactly from the trajectory. Exit codes: 0 done, 3 done but for damaged "
     "parts, 1 failed, 2 usage error.",
     BAG,
-    out=required("new folder for the files", metavar="DIR"),
+    out=required("new folder for the files", metavar="DIR", new=True),
     format=option(_FORMATS[0], "of the files", choices=_FORMATS),
     topics=option(None, "export only these topics (absolute names)", nargs="+", metavar="TOPIC"),
     rate=option(None, "export the waveform, computed at this rate", _RATE),
@@ -271,7 +271,7 @@ def _rebuilt_lines(rebuilt: Any) -> Iterator[str]:
     "motion, and values by segment between commands and faults. It needs no other file and no "
     "network. Exit codes: 0 done, 3 done but for damaged parts, 1 failed, 2 usage error.",
     BAG,
-    out=option("report.html", "new file", metavar="FILE"),
+    out=option("report.html", "new file", metavar="FILE", new=True),
     namespace=option("", "drill; default: the first", metavar="NAME"),
 )
 def _report(options: Any) -> int:
@@ -318,7 +318,7 @@ def _each(name: str, metavar: str = "N") -> dict[str, Any]:
     quantities=option(
         (), "compare only this, such as peak_force; repeatable", **_each("quantity", "NAME")
     ),
-    out=option(None, "also write a page: a new HTML file", metavar="FILE"),
+    out=option(None, "also write a page: a new HTML file", metavar="FILE", new=True),
 )
 def _compare(options: Any) -> int:
     from rpud_sim.recorded.compare import compare

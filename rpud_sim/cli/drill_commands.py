@@ -52,7 +52,7 @@ def _connected_drill(name: str, options: Any) -> Iterator[DrillClient]:
         try:
             yield drill
         except RefusedError as error:
-            raise ExpectedError(f"the drill refuses: {error}") from error
+            raise ExpectedError(f"the drill rejects it: {error}") from error
 
 
 def _drive(drill: DrillClient, **_: Any) -> str:
@@ -94,7 +94,7 @@ _TEXTS: dict[str, Callable[..., str]] = {
 
 
 def _run(name: str, options: Any) -> ExitCode:
-    """Let a drill do what a verb says, and print the outcome."""
+    """Let a drill carry out a verb, and print the outcome."""
     arguments = {each: getattr(options, each) for each in VERBS[name].options}
     with _connected_drill(name, options) as drill:
         if name == "inject":

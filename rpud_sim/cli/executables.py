@@ -19,6 +19,7 @@ from rpud_sim.cli.options import (
     add_options,
     command,
     fields_of,
+    new_output,
     options_from,
     split_ros_arguments,
 )
@@ -60,7 +61,7 @@ def _record(options: Any, ros_arguments: Sequence[str] = ()) -> int:
     "replay",
     "bags/first --rate 0.5",
     "publish a bag's messages with their types, QoS and timing",
-    "Exit codes: 0 done, 3 done but for messages that are no plain CDR, 1 failed, 2 usage error.",
+    "Exit codes: 0 done, 3 done but for messages that are not plain CDR, 1 failed, 2 usage error.",
     shared=fields_of(ReplayOptions),
 )
 def _replay(options: Any, ros_arguments: Sequence[str] = ()) -> int:
@@ -104,8 +105,10 @@ def _execute(name: str, parser: Parser) -> None:
 
     def execute() -> int:
         words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        options = options_from(parser.parse_args(words), same.fields)
-        return same.run(options, ros_arguments)
+        arguments = parser.parse_args(words)
+        options = options_from(arguments, same.fields)
+        with new_output(arguments, same.fields):
+            return same.run(options, ros_arguments)
 
     program = name if name == parser.prog else f"rpud {name}"
     run_program(parser.prog, lambda: report_errors(program, execute))

@@ -43,14 +43,14 @@ class LiveLine:
         """Show a report, unless it was the last one shown.
 
         On a terminal each report rewrites the line. Elsewhere there is a line for each second in
-        which the drill moved, and none while simulation time stands still.
+        which the drill moved, and none while simulation time is paused.
         """
         if not self._shown or report is None or report is self._last:
             return
         self._last = report
         moved = bool(report.figures["duration"])
         if self._terminal:
-            # Before the first block there is nothing to tell, unless it waits.
+            # Before the first block there is nothing to show, unless it waits.
             if moved or self._printed is not None or report.status["state"] == "paused":
                 self._printed = report
                 text = live_text(report, columns(sys.stderr))
@@ -72,7 +72,7 @@ class LiveLine:
 def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterator[Opened]:
     """Enter a context that starts ROS, whose log lines erase a live line first.
 
-    A refused command is logged with its reason. Without this the text would continue the live line.
+    A rejected command is logged with its reason. Otherwise the text would continue the live line.
     Processes that are started later do not inherit it.
     """
     with ExitStack() as stack:
@@ -117,15 +117,15 @@ def summary_text(figures: Values, report: Report | None, faults: Sequence[FaultR
         f"{counted(status['impacts'], 'impact')}, "
         f"{counted(timing['deadlines_missed'], 'deadline')} missed, "
         f"{counted(status['commands_accepted'], 'command')} accepted, "
-        f"{status['commands_rejected']} refused, "
+        f"{status['commands_rejected']} rejected, "
         f"{counted(timing['messages_dropped'], 'message')} dropped"
     )
     if math.isfinite(status["depth"]):
         lines.append(f"depth {_shown('depth', status['depth'])}")
     if report.requests_refused:
-        lines.append(f"{counted(report.requests_refused, 'request')} refused")
+        lines.append(f"{counted(report.requests_refused, 'request')} rejected")
     if report.last_refusal:
-        lines.append(f"last refusal: {printable(report.last_refusal)}")
+        lines.append(f"last rejection: {printable(report.last_refusal)}")
     for record in faults[-_FAULTS_LISTED:]:
         end = "on" if record.clear is None else f"to {record.clear / 1e9:.3f} s"
         since = f"from {record.onset / 1e9:.3f} s {end}"
@@ -162,7 +162,7 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
         parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first)
     if refused := status["commands_rejected"] + report.requests_refused:
-        parts["refused"] = (f"{refused} refused",)
+        parts["refused"] = (f"{refused} rejected",)
     if dropped := timing["messages_dropped"]:
         parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
     parts["late"] = (f"late {_shown('lateness', timing['lateness_max'])}",)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
-from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.foundation.verbs import EXACTLY_ONE
 
@@ -20,7 +23,7 @@ RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 # Groups of options by a rule; any other name of a group is a title.
 AT_MOST_ONE = "at most one"
 
-_METAVARS = {"": "N", "%": "PERCENT"}  # of units that are no word
+_METAVARS = {"": "N", "%": "PERCENT"}  # of units without a word
 
 Fields: TypeAlias = Mapping[str, Any]  # declarations of options by name, in their order
 
@@ -112,7 +115,7 @@ def add_options(parser: argparse.ArgumentParser, fields: Fields) -> None:
     groups: dict[str, argparse._ActionsContainer] = {"": parser}
     declared = [(name, field) for name, field in fields.items() if field.metadata]
     for name, field in sorted(declared, key=lambda each: each[1].metadata.get("last", False)):
-        words = {key: word for key, word in field.metadata.items() if key != "last"}
+        words = {key: word for key, word in field.metadata.items() if key not in ("last", "new")}
         group = words.pop("group", "")
         if group not in groups:
             groups[group] = (
@@ -134,6 +137,41 @@ def add_options(parser: argparse.ArgumentParser, fields: Fields) -> None:
             unit = words.pop("quantity").unit
             words = {"metavar": _METAVARS.get(unit, unit.upper()), **words}
         groups[group].add_argument(_flag(name, field), dest=name, **words)
+    for field in filter(_is_new, fields.values()):
+        text = f"replace an existing {'bag' if field.metadata['metavar'] == 'DIR' else 'file'}"
+        parser.add_argument("--force", action="store_true", help=text)
+
+
+def _is_new(field: Any) -> bool:
+    return bool(field.metadata.get("new"))
+
+
+@contextmanager
+def new_output(arguments: argparse.Namespace, fields: Fields) -> Iterator[None]:
+    """Reject an output that exists, or replace it with ``--force``.
+
+    What was there comes back if the command fails to write its output.
+    """
+    names = [getattr(arguments, name) for name, field in fields.items() if _is_new(field)]
+    out = next((Path(name) for name in names if name and os.path.lexists(name)), None)
+    if out is None:
+        yield
+        return
+    if not arguments.force:
+        raise ExpectedError(f"{out} exists already; --force replaces it")
+    marks = ("metadata.yaml", "export.json")
+    if out.is_dir() and not any((out / mark).is_file() for mark in marks):
+        raise ExpectedError(f"{out} is not a folder of rpud; --force does not replace it")
+    former = out.rename(out.with_name(f"{out.name}.replaced"))
+    try:
+        yield
+    finally:
+        if not os.path.lexists(out):
+            former.rename(out)
+        elif former.is_dir() and not former.is_symlink():
+            shutil.rmtree(former)
+        else:
+            former.unlink()
 
 
 def _flag(name: str, field: Any) -> str:
@@ -160,7 +198,7 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
 
 
 def _number(value: Any) -> Any:
-    """Return the number that a text says; anything else as it is."""
+    """Return the number that a text reports; anything else as it is."""
     if isinstance(value, str):
         for kind in (int, float):  # integers first: a float would round a long seed
             with suppress(ValueError):

@@ -243,7 +243,7 @@ class _Lines:
     def write(self, text: str) -> None:
         line = text.strip("\r\n ")
         if line:
-            with suppress(BrokenPipeError):  # the work goes on, whoever has stopped reading
+            with suppress(BrokenPipeError):  # the work continues, whoever has stopped reading
                 print(line, file=sys.stderr, flush=True)
 
     def flush(self) -> None:
@@ -274,7 +274,7 @@ def progress_bar(
         unit_scale=scaled,
         delay=delay if terminal else _LINE_PERIOD,
         mininterval=0.1 if terminal else _LINE_PERIOD,
-        miniters=0,  # time alone decides: a bar that stands still may have a new text
+        miniters=0,  # time alone decides: a bar at the same place may have a new text
         leave=False,
         file=sys.stderr if terminal else _Lines(),
         ncols=None if terminal else 0,

@@ -62,7 +62,7 @@ _READY = "recording\n"  # that the recorder prints when it records
     PARAMETERS,
     duration=run_time_option(),
     record=option(
-        None, "record the namespace into a new bag, by a recorder process", metavar="DIR"
+        None, "record the namespace into a new bag, by a recorder process", metavar="DIR", new=True
     ),
     max_loss=option(
         RecordOptions.max_loss,
@@ -144,11 +144,10 @@ def _drill_and_record(
     if stop.wait(0.0):
         complain(program, _NO_BAG)
         return ExitCode.DONE
-    existed = Path(record).exists()  # then the recorder refuses it
     recorder = ChildProcess(
         (
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
-            # `_missing` compares numbers of messages, which says more than an empty bag.
+            # `_missing` compares numbers of messages, which shows more than an empty bag.
             *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
             *(["--use-sim-time"] if _on_clock(node) else ()),
         ),
@@ -156,7 +155,7 @@ def _drill_and_record(
     )
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
         stopped = stop.requested
-        if stopped and not existed:
+        if stopped:
             recorder.end(signal.SIGTERM, seconds=_RECORDER_END)
             if not Path(record).exists():  # the signal came while it started
                 complain(program, _NO_BAG)
@@ -209,7 +208,7 @@ def _close_recorder(recorder: ChildProcess, record: str, *, early: bool) -> bool
     errors = recorder.errors.splitlines()
     lines = [line for line in errors if line.startswith("rpud")]
     if not lines and code < 0:
-        bag = "its bag is torn" if Path(record).exists() else "there is no bag"
+        bag = "its bag is truncated" if Path(record).exists() else "there is no bag"
         complain(_PROGRAM, f"the recorder was ended by signal {-code}; {bag}")
     else:
         print("\n".join(lines or errors[-3:]), file=sys.stderr)
@@ -269,8 +268,8 @@ _SEARCH_PERIOD = 0.05  # s
     "--port 8810",
     "show and command running drills in the browser, or show a bag",
     "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
-    "trajectory. It prints the address of the page, which only this machine can reach unless "
-    "--address says otherwise. Other machines then need the token in the address.",
+    "trajectory. It prints the address of the page, which only this machine can reach without "
+    "--address. Other machines need the token in the address.",
     PLACE,
     bag=positional("BAG", "show this bag, a folder or one file, without ROS", nargs="?"),
     port=option(DEFAULT_PORT, "port of the page, 0 for a free one", PORT, metavar="P"),
@@ -301,7 +300,7 @@ def _watch_drills(options: Any) -> ExitCode:
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer, store: LiveStore) -> None:
-        if options.beside_drill:  # hear all of the run
+        if options.beside_drill:  # receive all of the run
             store.hear()
         _announce(server, store.finder, options)
 
@@ -329,7 +328,7 @@ def _find(finder: DrillFinder) -> list[str]:
 
 
 def _open_browser(url: str) -> None:
-    """Open a page in the browser of the desktop; say so if there is none."""
+    """Open a page in the browser of the desktop; report it if there is none."""
     import webbrowser
 
     try:

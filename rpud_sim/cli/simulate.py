@@ -40,8 +40,8 @@ _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
     duration=option(10.0, "simulated time", _DURATION),
     repeat=option(1, "runs over initial vibration phases, for standard errors", _REPEAT),
     seed=option(None, "seed of initial phases, scenario and noise (default: the file's)", SEED),
-    commands=option(None, "commands and faults at their times, as of rpud fork", metavar="FILE"),
-    bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
+    commands=option(None, "commands and faults at their times, as in rpud fork", metavar="FILE"),
+    bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR", new=True),
 )
 def _run(options: Any) -> int:
     if options.bag and options.repeat > 1:
@@ -53,7 +53,7 @@ def _run(options: Any) -> int:
 
 
 def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
-    """Refuse parameters without effect here; a file may hold them, for the node reads it too."""
+    """Reject parameters without effect here; a file may hold them, for the node reads it too."""
     from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
 
     for text in assignments:
@@ -156,7 +156,7 @@ def _show(line: str) -> None:
         metavar="KIND[,KEY=VALUE...]",
     ),
     commands=option(None, "faults, and commands instead of the recorded ones", metavar="FILE"),
-    out=option(None, "write a new bag; with --live record it", metavar="DIR"),
+    out=option(None, "write a new bag; with --live record it", metavar="DIR", new=True),
     live=option(False, "continue as a drill node, on ROS topics"),
     run=run_number_option(),
     topic=option(None, "topic of the journal, if there are several", metavar="NAME"),

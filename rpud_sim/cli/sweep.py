@@ -40,7 +40,7 @@ _SHOWN = (  # in the table; the file has all
     duration=option(10.0, "simulated time of each run", POSITIVE_SECONDS),
     seeds=option(1, "runs at each point, with seeds from 0 on", _SEEDS),
     out=option(None, "write a row for each run", metavar="FILE.csv|.parquet"),
-    plots=option(None, "write a picture of each figure into a folder", metavar="DIR"),
+    plots=option(None, "write a picture of each metric into a folder", metavar="DIR"),
 )
 def _sweep(options: Any) -> int:
     from rpud_sim.scripting.sweep import grid, sweep

@@ -158,7 +158,7 @@ class Cuttings:
         self.volume = 0.0  # in the hole [m^3]
 
     def filling(self, depth: float, clogged: float = 0.0) -> float:
-        """Share of the flutes that is full, 0 to 1; a fault may clog a share of their free room."""
+        """Share of the flutes that is full, 0 to 1; a fault may clog some of the rest."""
         if depth <= 0.0:
             return 0.0
         full = self.volume / (self._bit.flute_area * depth)
@@ -417,7 +417,7 @@ class Borehole:
                 self._layer += not self._through
 
     def _wear(self, friction_work: float, layer: Layer) -> None:
-        """Widen the wear flats: their diameter grows with the friction work, as of CERCHAR."""
+        """Widen the wear flats: their diameter grows with the friction work, as for CERCHAR."""
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
         if grown:
             most = max(self._area, self._bit.bit_wear_flat)

@@ -41,7 +41,7 @@ class Disturbances:
     hardness: float = 1.0  # factor on the specific energy of the rock
     progress: float = 1.0  # factor on the progress into the rock, 0 to 1
     clearing: float = 1.0  # factor on the transport of cuttings, 0 to 1; the progress follows
-    clogged: float = 0.0  # share of the free room in the flutes that cuttings clog, 0 to 1
+    clogged: float = 0.0  # share of the free space in the flutes that cuttings clog, 0 to 1
     # of a stone below the bit that is harder than the layer [Pa]; 0 for none
     inclusion_strength: float = 0.0
     extra_torque: float = 0.0  # that resists rotation in the flutes [N m]

@@ -64,7 +64,7 @@ STOPPED = Feed(RATE, 0.0)
 class MountMotion:
     """Sample of the motion of a mount that another simulator carries.
 
-    Until the next sample the mount goes on at this velocity: x = position + velocity (t - sampled).
+    Until the next sample the mount keeps this velocity: x = position + velocity (t - sampled).
     """
 
     position: float  # along the drill axis, toward the rock [m]
@@ -90,11 +90,11 @@ class MountMotion:
         return self.position + self.velocity * ((time - (self.sampled or 0)) / SECOND)
 
     def left(self, share: float, place: float) -> MountMotion:
-        """What is left of it while a share of the commands acts, from its present place [m] on."""
+        """What is left of it while a share of the commands acts, from its current place [m] on."""
         return self if share == 1.0 else MountMotion(place, self.velocity * share)
 
 
-# A giver of the mount's motion says where the mount is to be, and what is left when it is lost.
+# A command of the mount's motion: where the mount is to be, and what is left when it is lost.
 Motion = Feed | MountMotion
 _GIVERS = {"none": None, "arm": Feed, "given": MountMotion}
 
@@ -228,7 +228,7 @@ _MOST_FORCE = QUANTITIES["weight_on_bit"].maximum
 _SWINGS = 8
 _SLOW = 1e-3
 
-# In place of the arm, where the mount is given: it is rigid, and its host never slips.
+# Instead of the arm, where the mount is given: it is rigid, and its host never slips.
 _CARRIED = Arm(0.0, 1.0, 0.0, 1e12)
 
 

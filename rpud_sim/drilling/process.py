@@ -94,7 +94,7 @@ class Process:
         return (self.next_step - self._time) / SECOND
 
     def end_step(self, time: int) -> bool:
-        """Let the present step end at a time [ns]; return whether it has begun before."""
+        """Let the current step end at a time [ns]; return whether it has begun before."""
         if time <= self._time:
             return False
         self.next_step = time

@@ -230,7 +230,7 @@ class RockParameters(ParameterGroup):
     The specific energy is the sandstone's compressive strength, 75 MPa: the least that drilling
     takes, very roughly, after Teale, "The concept of specific energy in rock drilling", Int. J.
     Rock Mech. Min. Sci. 2 (1965) 57-73. The hole has the area of part II of the drill tool. The
-    share of the energy is assumed; docs/explanation/rock.md gives its reasons.
+    share of the energy is assumed; docs/explanation/drilling.md gives its reasons.
     """
 
     rock_model: str = choice(

@@ -55,7 +55,7 @@ class RotorState:
     rate: float = 0.0  # of rotation, never negative [rad/s]
     torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
     drive_torque: float = 0.0  # of the drive on the rotor [N m]
-    stalled: bool = False  # whether the tool stands still although the drive is on
+    stalled: bool = False  # whether the tool is stalled although the drive is on
     work: RotorWork = RotorWork()  # since time zero
 
 
@@ -84,7 +84,7 @@ class RotationParameters(ParameterGroup):
         "none: the tool does not rotate; friction_drive: the stack drives the rotor by friction",
     )
     rotor_stall_torque: float = number(
-        0.1, "N m", "torque of the drive at standstill and nominal amplitude", 1e-6, 100.0
+        0.1, "N m", "stall torque of the drive at nominal amplitude", 1e-6, 100.0
     )
     rotor_no_load_rate: float = number(
         15.0, "rad/s", "rate of the rotor without load at nominal amplitude", 1e-3, 1e4

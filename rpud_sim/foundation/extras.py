@@ -7,7 +7,7 @@ from typing import Any
 
 
 def import_extra(module: str, purpose: str, packages: str) -> Any:
-    """Return a module; if it is missing, the error says what needs it and what to install."""
+    """Return a module; if it is missing, the error shows what needs it and what to install."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

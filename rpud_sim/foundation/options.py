@@ -21,7 +21,7 @@ SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
 BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
 DOMAIN = Quantity("", "a ROS domain", 0, 232, whole=True)
 SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
-NO_SEED = -1  # in place of a seed: the initial phase is zero
+NO_SEED = -1  # instead of a seed: the initial phase is zero
 SEED_OR_NONE = Quantity("", "a seed, or -1 for none", NO_SEED, SEED.maximum, whole=True)
 
 Value = TypeVar("Value")

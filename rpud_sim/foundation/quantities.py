@@ -53,7 +53,7 @@ def shown(value: Any) -> str:
         return "a number too long to show"
 
 
-# Characters of a name, and of a text that says something: longer ones are refused or cut off, for
+# Characters of a name, and of an explaining text: longer ones are rejected or cut off, for
 # whoever reaches the drill could fill its memory with them.
 LONGEST_NAME = 256
 LONGEST_TEXT = 4096
@@ -150,7 +150,7 @@ class Quantity:
         return f"{left}{self.minimum:g}, {self.maximum:g}{right} {self.unit}".rstrip()
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value as a float, or an integer if it must be whole, or refuse it."""
+        """Return the value as a float, or an integer if it must be whole, or reject it."""
         # The usual case first: studies check millions of values.
         if type(value) is float and self.minimum < value < self.maximum and not self.whole:
             return value
@@ -272,7 +272,7 @@ def _field(default: Any, allowed: Allowed, changeable: bool) -> Any:
 
 
 class ParameterGroup:
-    """Base of frozen dataclasses whose fields declare parameters; refuses what is not allowed."""
+    """Base of frozen dataclasses whose fields declare parameters; rejects what is not allowed."""
 
     def __post_init__(self) -> None:
         group: Any = type(self)

@@ -39,8 +39,8 @@ _CREDIBLE = {
     "s": 1e9,
     "m^3": 1.0,
 }
-NONE = "\N{EN DASH}"  # in place of a value that is not there
-GARBAGE = "garbage"  # in place of a value that nothing real has
+NONE = "\N{EN DASH}"  # instead of a value that is not there
+GARBAGE = "garbage"  # instead of a value that nothing real has
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 # Units that are shown with a prefix; angles, and what has no unit, stay as they are.
 _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
@@ -116,7 +116,7 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 # Name, label, symbol of the paper, unit, colour, floor, whether any axis will do or one with zero,
-# kind of its layer in a plot if it is no line, and messages that have it.
+# kind of its layer in a plot if it is not a line, and messages that have it.
 _TABLE = """\
 impact_rate | impacts | | /s | force | 1e-3 | | |
 peak_force | peak force | | kN | force | 0.5 | | band | ContactForce

@@ -23,7 +23,7 @@ LONGEST_LINE = 1000
 # What errors of Python mean where a file from outside raises them.
 _MEANINGS: tuple[tuple[type[Exception] | tuple[type[Exception], ...], str], ...] = (
     (UnicodeDecodeError, "a text is not UTF-8"),
-    (JSONDecodeError, "it is no JSON"),
+    (JSONDecodeError, "it is not JSON"),
     ((struct.error, EOFError, IndexError), "it ends too early"),
     (RecursionError, "it is nested too deep, or contains itself"),
     (OverflowError, "a number is too large"),
@@ -38,7 +38,7 @@ _NO_NUMBER = re.compile(r"(?:invalid literal|could not convert) .*?: (.*)|Exceed
 def printable(text: object, longest: int | None = None) -> str:
     r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey.
 
-    A text of more than ``longest`` characters has ``...`` in place of its middle.
+    A text of more than ``longest`` characters has ``...`` instead of its middle.
     """
     shown = _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
     if longest is None or len(shown) <= longest:
@@ -58,7 +58,7 @@ def in_words(error: BaseException) -> str:
         if isinstance(error, kinds):
             return meaning
     if number := _NO_NUMBER.match(str(error)):
-        return f"{number[1]:.80} is no number" if number[1] else "a number has too many digits"
+        return f"{number[1]:.80} is not a number" if number[1] else "a number has too many digits"
     text = f"{error!s:.500}".partition('in "<unicode string>"')[0]  # of YAML
     return " ".join(text.split()) or "it is damaged"
 
@@ -72,7 +72,7 @@ def columns(stream: TextIO) -> int:
 
 
 def complain(program: str, reason: object) -> None:
-    """Print an error on standard error, as one line; the exit code tells it where nobody reads."""
+    """Print an error on standard error, as one line; the exit code shows it where nobody reads."""
     with suppress(BrokenPipeError):
         print(f"{program}: {printable(reason, LONGEST_LINE)}", file=sys.stderr)
 

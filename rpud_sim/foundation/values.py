@@ -47,7 +47,7 @@ class Sequences:
         return [self.values[start:end] for start, end in pairwise(cuts)]
 
 
-# Elements of an array that become JSON at once
+# Elements of an array that become JSON together
 _MOST_ELEMENTS = 65_536
 
 

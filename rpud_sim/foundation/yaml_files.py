@@ -55,7 +55,7 @@ class _Loader(yaml.SafeLoader):
         mapping = super().construct_mapping(node, deep)
         if len(mapping) < len(node.value):
             raise yaml.constructor.ConstructorError(
-                None, None, "a key stands twice in one mapping", node.start_mark
+                None, None, "a key occurs twice in one mapping", node.start_mark
             )
         return mapping
 
@@ -109,7 +109,7 @@ def _merged(node: Any, place: Place, repeated: set[Place]) -> None:
         found[name] = (key, value)
     node.value = list(found.values())
     for name, (_, value) in found.items():
-        if len(place) <= _DEEPEST:  # deeper ones are refused
+        if len(place) <= _DEEPEST:  # deeper ones are rejected
             _merged(value, (*place, name), repeated)
 
 
@@ -163,7 +163,7 @@ class Cursor:
     lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
-    repeated: Set[Place] = frozenset()  # places of keys that stand twice, of which the later counts
+    repeated: Set[Place] = frozenset()  # places of keys that occur twice, of which the later counts
 
     @property
     def prefix(self) -> str:
@@ -266,5 +266,5 @@ def open_yaml(
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:
-    """Return a cursor at a value, with a name in place of a file's."""
+    """Return a cursor at a value, with a name instead of a file's."""
     return Cursor(value, name, error)

@@ -159,7 +159,7 @@ class _Files(_Cache):
         content = self._store.read(name := self._name(sig))
         try:
             return None if content is None else _load(content, target_context)
-        except Exception as error:  # the digest says that it is whole, not that it is a kernel
+        except Exception as error:  # the digest reports that it is whole, not that it is a kernel
             self._store.refuse(name, error)
             return None
 

@@ -60,7 +60,7 @@ def choose_target(cpu: str, features: str) -> Target:
 
 @functools.cache
 def this_target() -> Target:
-    """Return the target on this machine; NUMBA_CPU_NAME and NUMBA_CPU_FEATURES stand in for it."""
+    """Return the target on this machine; NUMBA_CPU_NAME and NUMBA_CPU_FEATURES replace it."""
     features = config.CPU_FEATURES
     if features is None:
         features = get_host_cpu_features()
@@ -149,7 +149,7 @@ def _read_file(path: Path) -> bytes:
     with open(os.open(path, _FILE), "rb") as file:
         its = os.fstat(file.fileno())
         if not stat.S_ISREG(its.st_mode):
-            raise _RefusedError(f"{path} is not used, because it is no regular file")
+            raise _RefusedError(f"{path} is not used, because it is not a regular file")
         if _others_may_write(its):
             raise _RefusedError(f"{path} is not used, because other users may write it")
         return file.read()
@@ -223,7 +223,7 @@ class KernelStore:
 
     @contextlib.contextmanager
     def _noting(self) -> Iterator[None]:
-        """Suppress an OSError, and keep the line of a refusal."""
+        """Suppress an OSError, and keep the line of a rejection."""
         try:
             yield
         except _RefusedError as error:

@@ -43,7 +43,7 @@ class Batch:
     topic: str  # its name
     # when each is published [ns], int64, shape (n,): simulation time, or of a bag since the epoch
     publish_times: np.ndarray
-    # as of one message, with an array in place of each value that differs. A sequence has a
+    # as for one message, with an array instead of each value that differs. A sequence has a
     # row for each message, or is ``Sequences``. Empty if there are bytes.
     fields: Fields = field(default_factory=dict)
     # Messages of batches of one group alternate by their order; 0 if they follow each other.

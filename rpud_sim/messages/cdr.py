@@ -131,7 +131,7 @@ class Codec:
                 counts, memory, size, growth = map(sum, zip(*parts, strict=True))
                 if counts > FIELDS_LIMIT:
                     raise BagFormatError(
-                        f"{node.name:.80} has {counts} fields with those of its members; "
+                        f"{node.name:.80} has {counts} fields, including its members'; "
                         f"at most {FIELDS_LIMIT} are read"
                     )
                 growth = max(each.growth for each in parts)
@@ -196,7 +196,7 @@ _NO_FIELDS = Shape(1, _FIELD, 1, 0)
 
 
 def foreign_encoding(data: bytes) -> str:
-    """Return in words why the bytes of a message are no plain CDR; empty if they may be."""
+    """Return in words why the bytes of a message are not plain CDR; empty if they may be."""
     if len(data) < HEAD:
         return f"it has {len(data)} bytes, and is not plain CDR"
     if data[:2] in _ORDERS:
@@ -296,7 +296,7 @@ def _numbers_reader(order: str, code: str, length: _Reader) -> _Reader:
 @lru_cache(64)
 def _types_in(type_name: str, text: str) -> Typesdict:
     if not _NAME.fullmatch(type_name):
-        raise ValueError(f"{type_name!r:.80} is no name of a type")
+        raise ValueError(f"{type_name!r:.80} is not a type name")
     lines = [f"{kind} {name}" for kind, name, _ in fields_of(type_name, text)]
     if any(_WIDE_TEXT.match(line) for line in lines):
         raise ValueError("it has a wstring, which releases of ROS serialize in different ways")

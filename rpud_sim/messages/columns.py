@@ -259,7 +259,7 @@ def _flat_fields(members: Members, prefix: str = "") -> list[tuple[str, Node]] |
     return found or [(prefix, CODES["uint8"])]  # CDR needs a field
 
 
-class _OddMessages(Exception):  # noqa: N818 - it is no error of a user's
+class _OddMessages(Exception):  # noqa: N818 - it is not for users
     """Messages that cannot be read together with the others."""
 
     def __init__(self, messages: np.ndarray) -> None:

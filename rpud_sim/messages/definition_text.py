@@ -9,7 +9,7 @@ _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64
 PRIMITIVES = {"bool", "byte", "char", "float32", "float64", "string", "wstring", *_INTEGERS}
 # Line between the types of a definition: other tools draw it longer or shorter than ROS.
 _PART = re.compile(r"^[ \t]*={2,}[ \t]*\n\s*(MSG|IDL):[ \t]*(\S*).*$", re.MULTILINE)
-# Line of a definition that is no comment: a type, and a name with perhaps a value.
+# Line of a definition that is not a comment: a type, and a name with perhaps a value.
 _LINE = re.compile(
     r"([A-Za-z][\w/]*)((?:<=\d+)?(?:\[(?:<=)?\d*\])?)[ \t]+([A-Za-z]\w*)[ \t]*(.*)", re.ASCII
 )
@@ -40,7 +40,7 @@ def parts_of(type_name: str, definition: str) -> Iterator[tuple[str, str]]:
 def fields_of(type_name: str, text: str) -> Iterator[tuple[str, str, str]]:
     """Yield type, name and comment of each field in a type's own text; constants are none.
 
-    A line ends where ROS ends it in a ``.msg``. A line that is no field is a ValueError.
+    A line ends where ROS ends it in a ``.msg``. A line that is not a field is a ValueError.
     """
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.strip()
@@ -48,7 +48,7 @@ def fields_of(type_name: str, text: str) -> Iterator[tuple[str, str, str]]:
             continue
         match = _LINE.fullmatch(plain)
         if match is None or (match[4] and match[1] != "string" and not _DEFAULT.match(match[4])):
-            raise ValueError(f"line {number} of {type_name:.80} is no field: {line:.80}")
+            raise ValueError(f"line {number} of {type_name:.80} is not a field: {line:.80}")
         if not match[4].startswith("="):
             comment = _COMMENT.match(match[4])
             yield match[1] + match[2], match[3], comment[1] if comment else ""

@@ -51,7 +51,7 @@ _SIZES: dict[Any, int] = {
 _MOST_LAYOUTS = 256
 _DTYPES = {code: np.dtype(code) for code in _SIZES}
 _COUNT = ("I", 4, 4)  # before each text and sequence
-_RAGGED = -1  # in place of the length of a sequence that differs from message to message
+_RAGGED = -1  # instead of the length of a sequence that differs from message to message
 
 
 class Decoded:
@@ -123,7 +123,7 @@ class Encoder:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return serialized messages one behind the other, uint8, and their sizes [bytes].
 
-        ``columns`` are as the values of one message, with an array in place of each number that
+        ``columns`` are as the values of one message, with an array instead of each number that
         differs from message to message. Sequences of numbers are arrays with a row for each
         message, or ``Sequences``; texts and other sequences are the same in all.
         """

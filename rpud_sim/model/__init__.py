@@ -1,6 +1,6 @@
 """Model of the drill: elements of the paper, and the engine from one event to the next.
 
-Where nothing else is said, ``segment``, ``impact``, ``state`` and ``tally`` are records of
+Unless noted otherwise, ``segment``, ``impact``, ``state`` and ``tally`` are records of
 ``SEGMENT``, ``IMPACT``, ``STATE`` and ``TALLY`` (with an ``s`` or ``open_``: arrays of them),
 ``drill`` the ``DrillConstants`` and ``rpud`` the ``RpudConstants``. ``turn`` is the
 ``PhaseSinCos`` of the vibration at the state or at the segment's start, ``turns`` the ``Turns`` at

@@ -34,7 +34,7 @@ def floats(*names: str) -> list[Any]:
 
 
 def compilation_notice() -> str:
-    """Return the line that says why the model is compiled, and where the kernels are kept."""
+    """Return the line that explains why the model is compiled, and where the kernels are kept."""
     return notice(this_target(), STORE)
 
 

@@ -44,7 +44,7 @@ def collide(mass_1, velocity_1, mass_2, velocity_2, restitution):
 
 @compiled
 def common_velocity(mass_1, velocity_1, mass_2, velocity_2):
-    """Velocity of two bodies that go on together [m/s], eq. (21)."""
+    """Velocity of two bodies that continue together [m/s], eq. (21)."""
     return (mass_1 * velocity_1 + mass_2 * velocity_2) / (mass_1 + mass_2)
 
 

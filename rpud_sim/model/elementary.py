@@ -112,7 +112,7 @@ def sin_cos_cycles(cycles):
     part = cycles - ((cycles + _ROUND) - _ROUND)
     quarters = (4.0 * part + _ROUND) - _ROUND
     sine, cosine = _sine_and_cosine(_TWO_PI * (part - 0.25 * quarters))
-    # From -4 to 4 quarters. Without whole numbers, so that several are turned at once.
+    # From -4 to 4 quarters. Without whole numbers, so that several are turned together.
     is_odd = abs(abs(quarters) - 2.0) == 1.0
     first = cosine if is_odd else sine
     second = sine if is_odd else cosine

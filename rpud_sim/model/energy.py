@@ -171,7 +171,7 @@ def add_change(before, after, motion, begun, account):
     if same and not commanded:
         return motion
     passed = motion[0] - begun[0]
-    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
+    # Nothing else moves the nodal plane immediately, or stops a drill tool away from zero.
     if not commanded or abs(passed) <= LEAST_DEFORMATION:
         passed = 0.0  # rounding
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion
@@ -235,7 +235,7 @@ def add_event(rpud, before, after, segment, account):
     fm = 0.5 * (fm_before + fm_after)
     tip = 0.5 * (np_before + np_after + vibration_before + vibration)
     account[ACTUATOR_WORK] += from_tip * 0.5 * (vibration_before + vibration)
-    # In blows on both at one instant the mean velocities tell the loss of both together alone.
+    # In blows on both at one instant the mean velocities show the loss of both together alone.
     both = min(abs(from_tip), abs(on_tool)) > segment.free_mass * SAME_VELOCITY
     account[IMPACTS if both else ACTUATOR_COLLISIONS] += from_tip * (tip - fm)
     account[IMPACTS] += on_tool * (fm - 0.5 * (dt_before + dt_after))

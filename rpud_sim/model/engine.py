@@ -31,7 +31,7 @@ from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 _MOST_VALUES = 4
 _USUAL = 30.0
 
-# Segments that there is room for at first, and at most after a drain. The room doubles when it is
+# Segments that there is space for at first, and at most after a drain. The space doubles when it is
 # too small.
 _LEAST_ROOM = 256
 _MOST_ROOM = 65536
@@ -110,7 +110,7 @@ _PADDING = slice(_OFFSETS["event"][1] + 1, _OFFSETS["vibration_phase"][1])
 
 
 def _unpadded(count: int) -> np.ndarray:
-    """Return room for segments whose padding alone is cleared.
+    """Return space for segments whose padding alone is cleared.
 
     To clear it all takes a tenth of the time to fill it.
     """
@@ -253,7 +253,7 @@ class Engine:
         passed: float = 0.0,
         touches: bool = False,
     ) -> None:
-        """Advance to a time and go on from there with other commands, and with another drill.
+        """Advance to a time and continue from there with other commands, and with another drill.
 
         The commands are weight on bit [N], vibration amplitude [m] and frequency [Hz]; of a
         resonance weight on bit, voltage [V] and drive frequency. Positions, velocities and phase
@@ -292,7 +292,7 @@ class Engine:
             return covering, struck
         impacts = join_records([struck], IMPACT)
         given = 2 * count > len(room)
-        if given:  # the room itself: to copy it would take longer than to allocate the next one
+        if given:  # the space itself: to copy it would take longer than to allocate the next one
             covering = room[:count]
             covering.flags.writeable = False
         else:
@@ -344,7 +344,7 @@ class Engine:
         self._written += 1
 
     def _make_room(self, count: int) -> None:
-        """Take a larger room for segments and impacts, with those that are there."""
+        """Take a larger space for segments and impacts, with those that are there."""
         self._segment_room = _enlarged(self._segment_room[: self._written], count)
         self._impact_room = _enlarged(self._impact_room[: self._struck], count)
         if self._shared:

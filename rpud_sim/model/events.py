@@ -39,7 +39,7 @@ from rpud_sim.model.segment import (
     turns_at_end,
 )
 
-# How an advance ends: at the requested time, with no room for more results, in a standstill, with
+# How an advance ends: at the requested time, with no space for more results, in a standstill, with
 # more events than their budget, or with a motion that is not finite. And that it has not ended yet.
 DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, GOES_ON = range(6)
 
@@ -206,9 +206,9 @@ def checked(status, state):
 def advance(
     drill, states, open_segments, open_impacts, seconds, fractions, segments, impacts, counts, begun
 ):
-    """Advance to times one after the other, as far as the room for results reaches.
+    """Advance to times one after the other, as far as the space for results reaches.
 
-    ``segments`` is room for finished segments and the open one, ``impacts`` for two more.
+    ``segments`` is space for finished segments and the open one, ``impacts`` for two more.
     ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after the
     status, the result are the numbers of times, segments and impacts that are there.
     """
@@ -241,7 +241,7 @@ def advance(
 
 @compiled
 def interrupt(drill, states, open_segments, open_impacts, time, segments, impacts, new):
-    """End the open segment early, and go on with what is new; returns the finished impacts' number.
+    """End the open segment early, continue with what is new; return the number of finished impacts.
 
     New are weight on bit [N], amplitude [m] (voltage [V] of a resonance), frequency and resonance
     frequency [Hz], the way by which the origin of all displacements passes the bodies [m], and

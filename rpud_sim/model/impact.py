@@ -90,7 +90,7 @@ def open_impact(drill, state, impact, collisions):
     impact.energy = collisions.energy
     impact.impulse = collisions.impulse
     impact.energy_transferred = collisions.energy_transferred
-    # In the rock the contact tells, if it lasts.
+    # In the rock the contact shows, if it lasts.
     impact.squeezed = state.contact == CONTACT_BOTH and not drill.in_rock
     impact.peak_force = 0.0
     impact.contact_duration = 0.0

@@ -58,7 +58,7 @@ def close_gaps(state, met, turn):
 
 @compiled
 def pair_velocity(drill, state):
-    """Velocity of free mass and drill tool that go on together."""
+    """Velocity of free mass and drill tool that continue together."""
     return common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
 
 

@@ -273,7 +273,7 @@ def begin_resonance(state):
 
 @compiled
 def change_drive(state, voltage, drive_frequency, resonance_frequency):
-    """Go on under another drive or resonance; the vibration follows from its next zero on."""
+    """Continue under another drive or resonance; the vibration follows from its next zero on."""
     if (
         voltage == state.voltage
         and drive_frequency == state.drive_frequency

@@ -133,7 +133,7 @@ def slow_tip_motion(segment):
 
 @compiled
 def fall(position, velocity, gravity, time):
-    """Position [m] and velocity [m/s] of the free mass in flight, eqs. (10), (17) and (19)."""
+    """Position [m] and velocity [m/s] of the free mass in free motion, eqs. (10), (17) and (19)."""
     u_fm = position + velocity * time + 0.5 * gravity * time * time
     v_fm = velocity + gravity * time
     return u_fm, v_fm

@@ -6,7 +6,7 @@ A guard whose second derivative is at least m stays above the parabola
 
 so that it cannot reach zero before the parabola does. The least m is that of a bound for the whole
 segment. A bound J on the third derivative gives a greater one, g'' - J s, up to a time s at which
-even a parabola of the present curvature is zero. And a guard in which the tip vibrates is at least
+even a parabola of the current curvature is zero. And a guard in which the tip vibrates is at least
 its slowly changing envelope.
 
 Near a simple root the steps converge to it from the left. The last one is that which leads to
@@ -115,7 +115,7 @@ def is_root(value, slope, step):
     return slope < 0.0 and (value <= 0.0 or step.time < TIME_RESOLUTION)
 
 
-# How a search is after a step: it goes on, the guard is zero, or it is positive up to the limit.
+# How a search is after a step: it continues, the guard is zero, or it is positive up to the limit.
 GOES_ON, MET, CLEAR = 0, 1, 2
 
 

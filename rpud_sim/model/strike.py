@@ -32,8 +32,8 @@ from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING
 # Where the envelope allows a longer step than this, the vibration is not computed [cycles].
 _LONG = 0.5
 
-# Phases up to which the least bend of the vibration is taken from its present one, and as zero: it
-# is no less up to the phase as far on the other side of its crest, and to its middle [cycles].
+# Phases up to which the least bend of the vibration is taken from its current one, and as zero: it
+# is not less up to the phase as far on the other side of its crest, and to its middle [cycles].
 _RISING = 0.2
 _FALLING = 0.45
 
@@ -186,7 +186,7 @@ def first_strike(segment, limit, turn):
 
 @compiled
 def first_landing(segment, limit):
-    """Find when the free mass in flight meets the moving drill tool, as ``first_root``."""
+    """Find when the free mass in free motion meets the moving drill tool, as ``first_root``."""
     tool = drill_tool_motion(segment)
     rate = undamped_frequency(tool)
     gravity = segment.free_mass_acceleration

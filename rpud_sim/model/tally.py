@@ -170,7 +170,7 @@ def add_block(rpud, covering, impacts, begin, until, counts, tallies, classes, p
     """Add what happened between two times, whole seconds and fraction each, to a tally.
 
     ``covering`` are the segments of these times, the last one open; ``counts``: whether the event
-    of the first counts. ``classes`` count contact forces, ``part`` is room for the block's own
+    of the first counts. ``classes`` count contact forces, ``part`` is space for the block's own
     sums.
     """
     tally = tallies[0]

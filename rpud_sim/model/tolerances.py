@@ -17,7 +17,7 @@ LOWEST_BOUNCE = 1e-9
 # Touching bodies do not collide if their velocities differ by less [m/s].
 SAME_VELOCITY = 1e-9
 
-# A free mass that meets the drill tool more slowly is no impact on it [m/s]: what is reported ends
+# A free mass that meets the drill tool more slowly does not strike it [m/s]: what is reported ends
 # when the drill is at rest.
 SLOWEST_IMPACT = 1e-6
 

@@ -1,6 +1,6 @@
 """Yielding: how a resonant vibration moves while the tip presses free mass and tool on the rock.
 
-Elsewhere contacts are short beside a cycle, and the vibration goes on. Between tip and rock it
+Elsewhere contacts are short beside a cycle, and the vibration continues. Between tip and rock it
 yields: with the modal mass M, its stiffness k_q = M Omega^2, the force F of drive and losses, and
 the contact's N,
 
@@ -26,7 +26,7 @@ from rpud_sim.model.closed_form import (
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos, sin_cos_cycles
 
-# In a segment the vibration goes on, carries the free mass, or yields between tip and rock.
+# In a segment the vibration continues, carries the free mass, or yields between tip and rock.
 YIELDS_NOT, YIELDS_TO_MASS, YIELDS_TO_ROCK = 0, 1, 2
 
 # Longest segment of it, and of a small vibration elsewhere, in cycles of the drive.
@@ -78,7 +78,7 @@ def forces_on(state, velocity):
 def impulses_on(state, time, way):
     """Impulses of drive and losses on the vibration in a time before this, over a way [m].
 
-    The drive moves the vibration, too. This displacement, which the tip cannot make at once, is
+    The drive moves the vibration, too. This displacement, which the tip cannot make immediately, is
     ``missing``, and turns with the vibration into impulses.
     """
     omega = TWO_PI * state.resonance_frequency

@@ -37,7 +37,7 @@ class Picture:
     """Drawing of a figure as SVG; its colours are those of the page, light or dark."""
 
     title: str  # name of what it shows, with its unit
-    alt: str  # sentence that says what is seen, for those who do not see it
+    alt: str  # sentence that shows what is seen, for those who do not see it
     width: int  # with all texts [pixels]
     height: int
     content: str  # elements inside of ``svg``

@@ -2,8 +2,8 @@
 
 A ``report`` is called with what was done since its last call: messages read, samples written, or
 simulated seconds. A bag that cannot be read or written raises a ``BagError``, a change or argument
-that is refused a ``ParameterError``, a simulation that cannot go on an ``EngineError``. All else
-that stops a task is a ``RecordingError``.
+that is rejected a ``ParameterError``, a simulation that cannot continue an ``EngineError``.
+Everything else that stops a task is a ``RecordingError``.
 """
 
 from rpud_sim.foundation.quantities import ExpectedError

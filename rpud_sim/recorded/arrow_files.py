@@ -60,7 +60,7 @@ class ParquetFile(_ArrowFile):
         super().__init__(path.with_name(f"{path.name}.parquet"), columns, schema)
         # A dictionary of numbers would take three times as long and make the file larger.
         texts = [field.name for field in schema if field.type == pa.string()]
-        # Times and numbers of samples grow evenly: their differences take no time and no room.
+        # Times and numbers of samples grow evenly: their differences take no time and no space.
         whole = [c.name for c in columns if c.kind in _SINGLE and c.dtype.kind in "iu"]
         self._writer = parquet.ParquetWriter(
             self._stream,

@@ -76,7 +76,7 @@ def export(
         left_out = bag.left_out if topics is None else {}
         if left_out and len(left_out) == len(bag.readable_topics):
             name, reason = next(iter(left_out.items()))
-            raise RecordingError(f"nothing of {bag.path} can be exported: {name:.200}: {reason}")
+            raise RecordingError(f"no topic of {bag.path} can be exported: {name:.200}: {reason}")
         damages = Damages(bag)
         chosen = [
             summary
@@ -132,7 +132,7 @@ def export(
 
 
 def _description(summary: TopicSummary, columns: Sequence[Column]) -> dict[str, Any]:
-    """Return what ``export.json`` says of a table."""
+    """Return the entry of a table in ``export.json``."""
     return {
         "topic": summary.topic.name,
         "type": summary.topic.type,
@@ -176,7 +176,7 @@ def make_table(
 
 
 def describe_column(column: Column) -> dict[str, Any]:
-    """Return what ``export.json`` says of a column."""
+    """Return the entry of a column in ``export.json``."""
     content = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
     if column.dtype != object:
         content["dtype"] = str(column.dtype)

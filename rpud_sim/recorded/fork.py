@@ -70,7 +70,7 @@ class Fork:
         self._changes = changes
         _check_instant(self.recorded, self.time)
         plan = self.recorded.plan
-        # A run that goes on after its recorded end has not ended there.
+        # A run that continues after its recorded end has not ended there.
         self._before = tuple(
             replace(change, action=Flush()) if isinstance(change.action, Flush) else change
             for change in plan.changes
@@ -102,7 +102,7 @@ class Fork:
         }
 
     def live(self) -> tuple[Plan, Settings]:
-        """Return the plan of a drill node that goes on live at the instant, and its settings.
+        """Return the plan of a drill node that continues live at the instant, and its settings.
 
         Recorded changes after it are not repeated, for others command a node. The ends of recorded
         faults, and the rest of the scenario, come by themselves.
@@ -160,14 +160,14 @@ class Fork:
         return max([last, *(change.time for change in self._before)])
 
     def run(self, warnings: list[str]) -> Run:
-        """Return the recorded run up to the instant, not computed yet; refusals are warnings."""
+        """Return the recorded run up to the instant, not computed yet; rejections are warnings."""
 
         def reject(change: Change, error: ChangeError) -> None:
             if change.time == self.time and any(change is each for each in self._own):
                 raise error
             if change.time <= self.time or self._changes.empty:
                 raise RecordingError(f"{self.recorded.journal}: {error}") from error
-            warnings.append(f"refused at {change.time / SECOND:.9g} s: {error}")
+            warnings.append(f"rejected at {change.time / SECOND:.9g} s: {error}")
 
         plan = replace(self.recorded.plan, changes=self._before)
         first = self.recorded.entries[0].entry
@@ -176,7 +176,7 @@ class Fork:
         return run
 
     def go_on(self, run: Run, end: int) -> Iterator[Batch]:
-        """Plan how it goes on up to a simulation time [ns]; yield the messages at the instant."""
+        """Plan how it continues up to a simulation time [ns]; yield the messages at the instant."""
         if self._changes.replaces_commands:
             run.take_over()
         run.schedule(*self.after(end))
@@ -197,7 +197,7 @@ def write_fork(
     topic: str | None = None,
     report: Callable[[float], object] = lambda seconds: None,
 ) -> ForkedBag:
-    """Go on from an instant of a recorded run, and write a bag of it.
+    """Continue from an instant of a recorded run, and write a bag of it.
 
     The recorded changes after the instant are repeated, unless ``changes`` replaces them. Without
     changes the bag holds the messages of the recorded one after the instant, bit for bit. It begins

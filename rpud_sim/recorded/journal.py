@@ -214,7 +214,7 @@ class WrongHeader(NamedTuple):
 def wrong_header(entries: Sequence[RecordedEntry]) -> WrongHeader | None:
     """Return the first entry of a run whose header does not fit; None if all do.
 
-    The stamp is the entry's time under an origin in force: the one before it, or one that another
+    The stamp is the entry's time under an origin active: the one before it, or one that another
     entry of the same time sets, for they are published together.
     """
     before: list[int] = []
@@ -235,8 +235,8 @@ def wrong_header(entries: Sequence[RecordedEntry]) -> WrongHeader | None:
     return None
 
 
-# Progress of a drill at one message. Times are in nanoseconds. Only a status says whether the drill
-# stopped, and counts the journal's entries so far: -1 elsewhere.
+# Progress of a drill at one message. Times are in nanoseconds. Only a status shows whether the
+# drill stopped, and counts the journal's entries so far: -1 elsewhere.
 PROGRESS = np.dtype(
     [
         ("log_time", np.int64),

@@ -1,4 +1,4 @@
-"""Bags of runs without ROS, as of the drill node: of a new run, and of a fork."""
+"""Bags of runs without ROS, as for the drill node: of a new run, and of a fork."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def run_batches(
 
 def reported(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Batch]:
     """Advance a run to a time [ns], and report the simulated seconds since the last call."""
-    while True:  # what is due at the present time comes also where the run ends
+    while True:  # what is due at the current time comes also where the run ends
         before = run.time
         yield from run.advance_to(min(end, (before // SECOND + 1) * SECOND))
         report((run.time - before) / SECOND)

@@ -34,7 +34,7 @@ from rpud_sim.simulation.sampling import (
 from rpud_sim.simulation.topics import TOPICS
 
 _TYPE = TOPICS["trajectory"].type
-_MOST = 100_000  # rows at once
+_MOST = 100_000  # rows in one step
 _UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
 _FLOAT = np.dtype(np.float64)
 _COLUMNS = (

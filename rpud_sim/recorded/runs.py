@@ -60,7 +60,7 @@ class RecordedRun:
     # Publishing times between which its messages lie, both included [ns].
     window: tuple[int, int] = (_EARLIEST, _LATEST)
     end: int = 0  # simulation time up to which the journal is complete [ns]
-    incomplete: str = ""  # why it is not known how the run went on; empty if it is
+    incomplete: str = ""  # why it is not known how the run continued; empty if it is
     complete_until: int = _LATEST  # publishing time up to which the journal has every entry [ns]
     ends_early: str = ""  # of a run that was not closed: where its journal ends
     computed_until: int = _LATEST  # stamp up to which the bag should hold messages [ns]
@@ -210,7 +210,7 @@ def runs_of(
 ) -> list[RecordedRun]:
     """Return the runs of a drill in a bag, at least one.
 
-    ``topic`` chooses one of several journals. An UnverifiableError says why runs cannot be told.
+    ``topic`` chooses one of several journals. An UnverifiableError explains a failure.
     """
     found = held_journals(bag)
     names = listed(found)

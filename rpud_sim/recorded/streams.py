@@ -19,7 +19,7 @@ from rpud_sim.messages.encoder import Decoded, gathered, items
 _MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
 _MANY = 2**22  # size of messages that are read together [bytes]
 _FEW = 2**16  # size of messages that are better given together [bytes]
-_STAMP = slice(4, 12)  # of the header, after the four bytes that tell the encoding
+_STAMP = slice(4, 12)  # of the header, after the four bytes that show the encoding
 UNREADABLE = -(2**62)  # time of a message that is too short for a stamp [ns]
 
 
@@ -245,8 +245,7 @@ def matched(
     """Match the messages of two streams of one topic, both in order, by run, time and number.
 
     Either side may lack messages. Only those that follow show whether one is missing or altered, so
-    two of each side are looked at. ``several_times`` says that messages hold other times than their
-    stamp.
+    two of each side are looked at. ``several_times``: messages hold other times than their stamp.
     """
     while True:
         if not (first.ready() and second.ready()):
@@ -269,7 +268,7 @@ def matched(
 
 
 def _takes(first: StreamHead, second: StreamHead) -> tuple[bool, bool]:
-    """Return which sides' next messages belong together, or which one stands alone."""
+    """Return which sides' next messages belong together, or which one has no partner."""
     one, other = first.head(), second.head()
     if one is None or other is None:
         return one is not None, other is not None

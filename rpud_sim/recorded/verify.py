@@ -70,7 +70,7 @@ class Counts:
     missing: int = 0  # computed between two recorded ones, and not in the bag
     unexpected: int = 0  # in the bag, and not computed
     head: int = 0  # computed before its first recorded one, when the bag held other topics
-    tail: int = 0  # computed after the last recorded one, while the recording went on
+    tail: int = 0  # computed after the last recorded one, while the recording continued
     before: int = 0  # in the bag, of before the journal begins: not compared
 
 
@@ -121,7 +121,7 @@ def verify(
     if found is None or not found.proved:
         # The clock may have been set back: then log times have another order than the messages.
         with suppress(RecordingError, BagFormatError), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # those of the bag have been said
+            warnings.simplefilter("ignore")  # those of the bag have been reported
             with closing(ReceivedOrder(path)) as shifted:
                 if shifted.set_back and _more_equal(other := _verified(shifted, report), found):
                     return other
@@ -358,7 +358,7 @@ class _TopicProof:
         run, time = self._runs[computed.run - 1], computed.publish_time
         begun = run.beginning.get("live_from", 0)
         if isinstance(begun, int) and time <= begun:
-            return  # a live fork published nothing before it went on
+            return  # a live fork published nothing before it continued
         self._missing += time + run.origin <= run.computed_until  # it may have been killed
         if not self._matched and (computed.run, computed.stamp) >= self._began:
             self.counts["head"] += 1

@@ -77,8 +77,8 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
         # If its time has paced it, some of those before it may be unacknowledged all the same.
         publisher.left = publisher.left - 1 if hurried else publisher.depth / 2
         if publisher.left <= 0:
-            # For all at once: waiting for the subscribers of one topic takes as long. All of the
-            # depth is used the next time: Fast DDS asks for acknowledgement at once where it is,
+            # For all together: waiting for the subscribers of one topic takes as long. All of the
+            # depth is used the next time: Fast DDS then asks for acknowledgement immediately,
             # and otherwise at every heartbeat.
             self._make_room()
 

@@ -73,7 +73,7 @@ def check_before_start(environment: Mapping[str, str], domain_id: int | None = N
         )
     if (reach := environment.get(_RANGE, "")) and reach not in _RANGES:
         raise StartError(f"{_RANGE} is {reach:.80}; it is one of {listed(_RANGES)}")
-    # Fast DDS would go on without a profile, on every interface.
+    # Fast DDS would continue without a profile, on every interface.
     if (profiles := environment.get(_PROFILES)) and not Path(profiles).is_file():
         raise StartError(f"{_PROFILES} is {profiles}, and there is no such file: unset it")
 

@@ -78,7 +78,7 @@ def _member(described: str) -> Any:
 
 
 def element_of(described: str) -> str:
-    """Return the type of the elements of a field of this type; empty if it is no array."""
+    """Return the type of the elements of a field of this type; empty if it is not an array."""
     match = _ARRAY.fullmatch(described)
     return "" if match is None else match[1] or match[2]
 

@@ -59,7 +59,7 @@ class RecordOptions:
         action="append",
         metavar="EXPRESSION",
     )
-    out: str = required("the bag's new folder; nothing is overwritten", metavar="DIR")
+    out: str = required("the bag's new folder", metavar="DIR", new=True)
     namespace: str = namespace_option("namespace to record and to resolve names in")
     compression: str = option(
         "zstd", "compression of the bag's chunks (default: %(default)s)", choices=COMPRESSIONS

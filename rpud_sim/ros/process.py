@@ -178,7 +178,7 @@ def limit_end() -> None:
 
 @contextmanager
 def limited_end() -> Iterator[None]:
-    """Limit an end as ``limit_end`` does, in a process that goes on after it."""
+    """Limit an end as ``limit_end`` does, in a process that continues after it."""
     limit_end()
     try:
         yield

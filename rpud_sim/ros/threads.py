@@ -1,4 +1,4 @@
-"""Threads with deadlines: requests to them, their delays, and executors that give way to them."""
+"""Threads with deadlines: requests to them, their delays, and executors that yield to them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rpud_sim.foundation.quantities import ExpectedError, cut
 
 _POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
-_SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
+_SWITCH_INTERVAL = 1e-4  # after which Python lets another thread continue, 5 ms by default [s]
 _LONGEST_LINE = 500  # characters
 _STEPS_PER_OCTAVE = 16  # bounds are 4.4 % apart
 _OCTAVES = 64
@@ -100,7 +100,7 @@ def schedule_thread(priority: int) -> str:
 
 @contextmanager
 def quick_switches() -> Iterator[None]:
-    """Let a thread that publishes go on soon while an executor is busy in another one."""
+    """Let a thread that publishes continue soon while an executor is busy in another one."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:

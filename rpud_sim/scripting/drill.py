@@ -106,7 +106,7 @@ class Drill:
         return self._so_far
 
     def now(self) -> dict[str, float]:
-        """Return positions [m], velocities [m/s] and forces [N] at the present time, by channel.
+        """Return positions [m], velocities [m/s] and forces [N] at the current time, by channel.
 
         They are those of the end of the latest step; before the first one there are none.
         """
@@ -153,7 +153,7 @@ class Drill:
         return self.time
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin again at time zero, as at the start; None for the present seed."""
+        """Begin again at time zero, as at the start; None for the current seed."""
         parameters, config, faults = self._begun
         seed = self._run.settings.seed_or_none if seed is None else seed
         self._begin(beginning_of(parameters, config, seed, faults))

@@ -94,7 +94,7 @@ def _rows(points: Points) -> list[dict[str, Any]]:
         return grid(points)
     rows = points.to_dict("records") if hasattr(points, "to_dict") else points
     if not isinstance(rows, Sequence) or not all(isinstance(row, Mapping) for row in rows):
-        raise ParameterError(f"points = {shown(points)} are no mappings of values by parameter")
+        raise ParameterError(f"points = {shown(points)} are not mappings of values by parameter")
     return [dict(row) for row in rows]
 
 
@@ -105,7 +105,7 @@ def _run(number: int, point: Mapping[str, Any], duration: float, seed: int) -> D
         return simulate(duration, seed=seed, **point)
     except ParameterError as error:
         raise ParameterError(f"point {number}: {error}") from None
-    except TypeError:  # a name that is no text, or an argument twice
+    except TypeError:  # a name that is not a text, or an argument twice
         reason = f"point {number}: {shown(point)} is not what rpud_sim.simulate takes"
         raise ParameterError(reason) from None
 

@@ -14,8 +14,8 @@ units::
         found[batch.topic] = found.get(batch.topic, 0) + len(batch)
 
 Errors are a ``ParameterError``, or its subclass ``FaultError``, for unusable values, and an
-``EngineError`` for a simulation that cannot go on. Other modules of this package are private: they
-change without notice.
+``EngineError`` for a simulation that cannot continue. Other modules of this package are private
+and change without notice.
 """
 
 # The public face only: modules of this package import from each other, never from here.

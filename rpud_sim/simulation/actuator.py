@@ -29,7 +29,7 @@ class ActuatorParameters(ParameterGroup):
     """Parameters of the actuator, in SI units.
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
-    assumed; docs/explanation/actuator.md says why.
+    assumed; docs/explanation/actuator.md explains why.
     """
 
     actuator_model: str = choice(
@@ -112,7 +112,7 @@ class ActuatorReading:
     voltage: float  # amplitude of the voltage [V]
     frequency: float  # of the voltage [Hz]
     amplitude: float  # of the vibration at the tip [m]
-    resonance_frequency: float  # at the present temperature, with its offset, without load [Hz]
+    resonance_frequency: float  # at the current temperature, with its offset, without load [Hz]
     temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [degC]
     current: float = math.nan  # amplitude of the current [A]
     phase: float = math.nan  # by which the current leads the voltage [rad]
@@ -192,7 +192,7 @@ class Actuator:
 
     @property
     def resonance_frequency(self) -> float:
-        """Resonance frequency at the present temperature, with its offset [Hz]."""
+        """Resonance frequency at the current temperature, with its offset [Hz]."""
         coefficient = self._parameters.resonance_temperature_coefficient
         rise = self._temperature - self._parameters.ambient_temperature
         frequency = self._parameters.resonance_frequency * (1.0 + coefficient * rise)
@@ -238,7 +238,7 @@ class Actuator:
             self._tuning += TRACKING_INTERVAL
 
     def drive(self, drive: Drive) -> None:
-        """Put a drive into force; a frequency of zero keeps the present one."""
+        """Apply a drive; a frequency of zero keeps the current one."""
         self._voltage = drive.voltage if drive.enabled else 0.0
         if drive.frequency not in (0.0, self._commanded):
             self._commanded = drive.frequency

@@ -148,7 +148,7 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
 
 
 def _shifted(first: int, values: np.ndarray) -> np.ndarray:
-    """Return a first value and all others but the last; each live block needs it at once."""
+    """Return a first value and all others but the last; each live block needs it."""
     shifted = np.empty_like(values)
     shifted[0] = first
     shifted[1:] = values[:-1]

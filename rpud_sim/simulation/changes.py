@@ -86,7 +86,7 @@ def injected(changes: Iterable[Change]) -> Iterator[tuple[Change, Fault]]:
 
 
 class ChangeError(ParameterError):
-    """Change that cannot be carried out; the text says which and why, in one line."""
+    """Change that cannot be carried out; the text reports which and why, in one line."""
 
 
 class Schedule:
@@ -205,9 +205,9 @@ def action_of(kind: str, content: Mapping[str, Any]) -> Action:
 
 
 def whole_time(value: Any) -> int:
-    """Return a time or a duration out of a journal [ns]; a ValueError says that it is none."""
+    """Return a time or a duration out of a journal [ns]; a ValueError reports that it is none."""
     if type(value) is not int or not 0 <= value < NEVER:
-        raise ValueError(f"{value!r:.40} is no time in ns")
+        raise ValueError(f"{value!r:.40} is not a time in ns")
     return value
 
 

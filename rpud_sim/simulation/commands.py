@@ -29,7 +29,7 @@ class WeightOnBit:
 class Drive:
     """Sinusoidal voltage on the piezoelectric stack.
 
-    A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
+    A drive that is not enabled may leave voltage and frequency at zero, which keeps the current
     ones.
     """
 
@@ -57,8 +57,8 @@ class DriveChange:
     """Command to the drive that may leave voltage and frequency as they are."""
 
     enabled: bool  # whether the actuator is driven
-    voltage: float | None = None  # amplitude [V]; None for the present one
-    frequency: float | None = None  # [Hz]; None for the present one
+    voltage: float | None = None  # amplitude [V]; None for the current one
+    frequency: float | None = None  # [Hz]; None for the current one
 
     def on(self, present: Drive) -> Drive:
         return Drive(
@@ -84,7 +84,7 @@ def slot(command: Command) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Applied:
-    """Commands in force, and since when.
+    """Commands active, and since when.
 
     Times are integer nanoseconds of simulation time. With a feed the weight on bit is none of them.
     """

@@ -107,7 +107,7 @@ class Configuration(ParameterGroup):
 
     @property
     def nominal_drive(self) -> Drive:
-        """Drive that is in force until the first command."""
+        """Drive that is active until the first command."""
         frequency = self.parameters.vibration_frequency
         return Drive(self.drive_enabled, self.actuator.nominal_voltage, frequency)
 
@@ -176,7 +176,7 @@ class Settings(ParameterGroup):
     command_timeout: float = number(
         0.0,
         "s",
-        "time without a command after which the drill is made safe, 0 for never",
+        "time without a command after which drive and weight on bit go to zero, 0 for never",
         0.0,
         3600.0,
         changeable=True,
@@ -225,7 +225,7 @@ class Settings(ParameterGroup):
             )
         if not _FRAME_PREFIX.fullmatch(self.frame_prefix):
             raise ParameterError(
-                f"frame_prefix = {shown(self.frame_prefix)} is no beginning of a frame's name: "
+                f"frame_prefix = {shown(self.frame_prefix)} cannot begin a frame name: "
                 "letters, digits, _, / and -, a letter first"
             )
         if self.block_duration * self.telemetry_rate < 1.0:
@@ -364,7 +364,7 @@ class ParameterFile:
             elif several and name not in _PARAMETERS:
                 self.foreign.extend(_names_in(str(name), each.value))
             elif each.place in each.repeated:  # ROS takes the later one, of a mistake
-                raise each.error(f"{name} stands twice in one section")
+                raise each.error(f"{name} occurs twice in one section")
             else:
                 kept[name] = each.value
         return dataclasses.replace(cursor, value=kept)
@@ -413,7 +413,7 @@ def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
 
 
 def _check_types(cursor: Cursor) -> None:
-    """Refuse what ROS refuses, for every node: a list of values of several types."""
+    """Reject what ROS rejects, for every node: a list of values of several types."""
     value = cursor.value
     if isinstance(value, list) and len({str if v is None else type(v) for v in value}) > 1:
         raise cursor.wrong("has values of several types")

@@ -16,12 +16,12 @@ HOLD = SECOND // 2
 
 
 class Control:
-    """Commands given to a drill, in force in full, in part when they are lost, or not at all.
+    """Commands given to a drill, active in full, in part when they are lost, or not at all.
 
     When no command arrived for ``command_timeout``, the share that acts falls linearly from 1 to 0
     within ``command_loss_ramp``, and stays there until the next one. Where another simulator
     carries the mount, its samples count, and no other command; without a timeout the mount is held
-    after half a second, and the drive goes on. ``put`` puts a command into force.
+    after half a second, and the drive continues. ``put`` applies a command.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Control:
 
     @property
     def _carried(self) -> bool:
-        """Whether samples have to come for a mount that moves, and nothing else says when."""
+        """Whether samples have to come for a mount that moves, and nothing else reports when."""
         motion = self.given.motion
         moves = isinstance(motion, MountMotion) and motion.velocity != 0.0
         return moves and self.active and not self._timeout
@@ -77,14 +77,14 @@ class Control:
         self.apply_share()
 
     def take_over(self) -> None:
-        """Take the commands in force as given now, and let commands act from now on."""
+        """Take the commands active as given now, and let commands act from now on."""
         self.given = self._simulation.applied
         self._last = self._simulation.time
         self.active = True
         self.commands_lost = False
 
     def apply(self, command: Command) -> None:
-        """Take a command, which is in force now unless none acts."""
+        """Take a command, which is active now unless none acts."""
         if not self.active:
             return
         if isinstance(command, Drive):
@@ -96,7 +96,7 @@ class Control:
         self.given = dataclasses.replace(self.given, **given)
 
     def apply_share(self) -> bool:
-        """Put the present share into force; return whether commands were lost or came back."""
+        """Apply the current share; return whether commands were lost or came back."""
         simulation, given = self._simulation, self.given
         mount = simulation.process.mount
         overdue = simulation.time - self._last - self._timeout if self._timeout else 0

@@ -80,7 +80,7 @@ def compile_kernels(
 ) -> None:
     """Compile every kernel, or load it from the cache, before anything is timed.
 
-    ``report`` is called in another thread with a line that says so, if it takes long; ``messages``:
+    ``report`` is called in another thread with a line of text, if it takes long; ``messages``:
     also the kernels that make messages in batches.
     """
     with compilation_reported(report):
@@ -98,7 +98,7 @@ def compile_kernels(
         metrics.values()
         if not settings.configuration.has_feed:  # whose steps change the weight on bit
             run.apply(WeightOnBit(0.5 * run.simulation.applied.weight_on_bit.force + 1.0))
-        run.finish(2000)  # the engine gets changes when time goes on
+        run.finish(2000)  # the engine gets changes when time continues
         if messages:
             energy = RecentEnergy()
             energy.add(run.simulation.advance_through(np.array([3000, 4000])))

@@ -2,7 +2,7 @@
 
 A physical fault changes the drill, so that every channel shows its effect through the physics. A
 signal fault changes the messages of one channel of a healthy drill. ``docs/reference/faults.md``
-explains the kinds and says where the effect of a magnitude is assumed.
+explains the kinds, and where the effect of a magnitude is assumed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NOT_FINITE_SHARE = 0.1
 class FaultEffects(Disturbances):
     """Drill and rock under faults."""
 
-    # in force, always inside their ranges
+    # active, always inside their ranges
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     pushing_rate: float = 0.0  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
@@ -64,7 +64,7 @@ class Stage:
 _Need = Callable[[float, Configuration], str]
 # New value of a parameter or an effect, for the value without the fault and the magnitude.
 _Effect = Callable[[Any, float], Any]
-# Messages that go on, for those that come at a time [ns].
+# Messages that continue, for those that come at a time [ns].
 _Signal = Callable[[Stage, int, list[Fields]], list[Fields]]
 
 
@@ -76,7 +76,7 @@ class FaultKind:
     needs: tuple[_Need, ...] = ()  # of the drill
     # meaning of its magnitude, None if it has none; without unit if the unit is the channel's
     magnitude: Quantity | None = None
-    # magnitude that NaN stands for; a factor on the channel's scale if the unit is the
+    # magnitude of NaN; a factor on the channel's scale if the unit is the
     # channel's
     default: float = 0.0
     # magnitude inside the range that would change nothing and is rejected
@@ -98,7 +98,7 @@ class FaultKind:
         return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
 
     def default_on(self, channel: str) -> float:
-        """Return the magnitude that NaN stands for on a channel."""
+        """Return the magnitude of NaN on a channel."""
         return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
 
 
@@ -367,7 +367,7 @@ KINDS: dict[str, FaultKind] = {
         "the values last published are repeated with new stamps",
         signal=_changed(lambda stage, path, value: _at(stage.last, path)),
     ),
-    "garbage": FaultKind("random bit patterns in place of every value", signal=_changed(_garbage)),
+    "garbage": FaultKind("random bit patterns instead of every value", signal=_changed(_garbage)),
     "wrong": FaultKind(
         "plausible values that are consistently wrong",
         magnitude=Quantity("", "factor on every measured number", -10.0, 10.0),

@@ -35,7 +35,7 @@ MOST_DAMPING_RATIO = 0.99
 
 
 class FaultError(ParameterError):
-    """Unusable fault; the text says why, in one line."""
+    """Unusable fault; the text explains why, in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Fault:
 
     kind: str  # one of ``KINDS``
     channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one
-    # in the unit of the kind; NaN stands for the kind's default. Kinds without a magnitude
+    # in the unit of the kind; NaN means the kind's default. Kinds without a magnitude
     # take NaN or zero; it is kept as zero.
     magnitude: float = math.nan
 
@@ -76,7 +76,7 @@ class Fault:
             return
         if channel in GROUND_TRUTH:
             raise FaultError(
-                f"{self} is refused: it is the ground truth; "
+                f"{self} is rejected: it is the ground truth; "
                 f"channels that may fail are {', '.join(CHANNELS)}"
             )
         raise FaultError(
@@ -95,7 +95,7 @@ class Fault:
         default = kind.default_on(self.channel)
         if left_open:
             return default
-        hint = f"NaN stands for the default {default:g} {quantity.unit}".rstrip()
+        hint = f"NaN means the default {default:g} {quantity.unit}".rstrip()
         try:
             number = float(quantity.check(f"magnitude of {self}", given))
         except ParameterError as error:
@@ -106,7 +106,7 @@ class Fault:
 
 
 def check_supported(fault: Fault, configuration: Configuration) -> None:
-    """Refuse a fault that would have no effect, or no meaning, in a configuration."""
+    """Reject a fault that would have no effect, or no meaning, in a configuration."""
     needs = fault.declared.needs
     if fault.channel in CHANNEL_NEEDS:
         needs = (CHANNEL_NEEDS[fault.channel], *needs)
@@ -237,7 +237,7 @@ class SignalFaults:
         return bool(self._stages)
 
     def apply(self, batch: Batch, records: Sequence[FaultRecord]) -> Iterable[Batch]:
-        """Return the batches that a channel publishes in place of one, in order; maybe none.
+        """Return the batches that a channel publishes instead of one, in order; maybe none.
 
         A healthy channel publishes the same one, whose fields must not change from now on. Times
         [ns] do not go back. ``records`` are at least those that last; others are ignored.

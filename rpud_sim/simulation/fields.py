@@ -4,7 +4,7 @@ This is the one table from the simulation's records to the messages of ``msg_def
 ROS messages from it, and bags are encoded from it. Messages are dictionaries, sequences
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 
-What a drill samples comes as columns of many messages: an array in place of each value that differs
+What a drill samples comes as columns of many messages: an array instead of each value that differs
 from message to message. A sequence is an array with a row for each message, or ``Sequences`` if its
 length differs. One message is a row of such columns (``Batch.row``).
 """
@@ -194,7 +194,7 @@ def joint_state_fields(samples: Samples, stamps: np.ndarray, states: States = ()
 
     The effort is the force between mount and body, positive toward the rock: the reacting force on
     the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
-    the model. The feed's joint is its drive, as an encoder shows it: the arm may give way beyond.
+    the model. The feed's joint is its drive, as an encoder shows it: the arm may yield beyond.
     Its effort is the force of the arm on the mount [N], that of the rotation the torque of the
     drive on the rotor [N m].
     """

@@ -144,7 +144,7 @@ class LoadSpring:
         self._mount_work = 0.0
         self._penetration = 0.0
         self._withdrawal = 0.0
-        # Forces of the present step by the velocity of the mount: of the damping, and all [N].
+        # Forces of the current step by the velocity of the mount: of the damping, and all [N].
         self._damping_force = self._motion_force = 0.0
         self._damper = 0.0  # loss in the damping, up to the last step [J]
         self._motion_work = 0.0  # of all these forces on the RPUD, up to the last step [J]

@@ -162,7 +162,7 @@ class Plan:
     beginning: Beginning
     changes: tuple[Change, ...] = ()  # in the order of their times
     recorded: bool = False  # whether they took effect before, as in a journal
-    # simulation time up to which a drill node computes it, before it goes on live [ns]
+    # simulation time up to which a drill node computes it, before it continues live [ns]
     live_from: int = 0
 
     @staticmethod
@@ -182,7 +182,7 @@ class Plan:
                     beginning = Beginning.from_journal(entry.content)
                     continue
                 if changes and entry.time < changes[-1].time:
-                    before = f"its time {entry.time} ns is before that of the one before it"
+                    before = f"its time {entry.time} ns is before the previous entry's time"
                     raise ValueError(before)
                 changes.append(Change(entry.time, action_of(entry.kind, entry.content), place))
             except _UNUSABLE as error:

@@ -55,7 +55,7 @@ class Plant:
         parameters = configuration.parameters
         self.time = 0  # simulation time [ns]
         self._instant = (0, 0.0)  # the same as whole seconds and the rest of them [s]
-        # commanded force [N]; a change takes effect at the present time. Without effect
+        # commanded force [N]; a change takes effect at the current time. Without effect
         # where the weight on bit follows from a feed.
         self.weight_on_bit = parameters.weight_on_bit
         # into the rock by percussion alone
@@ -85,7 +85,7 @@ class Plant:
             if mount is not None:
                 way, rate = mount.advance.compression, self._pushing_rate()
                 self._load_spring = LoadSpring(mount.state.work.stored, way, rate, position)
-        # furthest time to advance to at once [ns]
+        # furthest time of one advance [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
 
@@ -169,7 +169,7 @@ class Plant:
             self._load_spring.lead(mount.advance)
 
     def change(self, effects: FaultEffects) -> None:
-        """Put effects of faults into force at the present time; positions and velocities go on."""
+        """Apply effects of faults at the current time; positions and velocities continue."""
         self._set_aside()
         self.actuator.drift(effects.resonance_offset)
         self.actuator.lock(not effects.lock_lost)
@@ -262,7 +262,7 @@ class Plant:
         return depth if math.isfinite(depth) else 0.0
 
     def _acting_parameters(self) -> Parameters:
-        """Parameters in force, free of the rock while the tool does not touch it."""
+        """Parameters active, free of the rock while the tool does not touch it."""
         parameters = self._effects.parameters
         mount = self.process.mount
         if mount is not None and not mount.in_contact and parameters.regime == "drilling":

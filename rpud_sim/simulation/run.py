@@ -84,7 +84,7 @@ class Run:
         beginning = plan.beginning
         settings = beginning.settings
         self.beginning = beginning  # read-only
-        self.settings = settings  # in force; read-only
+        self.settings = settings  # active; read-only
         self._journal = journal
         self._reports = reports
         self._on_block = on_block
@@ -133,7 +133,7 @@ class Run:
 
     @property
     def next_boundary(self) -> int:
-        """Time at which the present block ends, unless a caller stops before it [ns]."""
+        """Time at which the current block ends, unless a caller stops before it [ns]."""
         rate = self.beginning.settings.telemetry_rate
         return boundary(boundaries_until(self.time, rate) + 1, rate)
 
@@ -166,12 +166,12 @@ class Run:
             self.apply(SetOrigin(origin))
 
     def schedule(self, *changes: Change) -> None:
-        """Add changes at the present time or later."""
+        """Add changes at the current time or later."""
         for change in changes:
             self._schedule.add(change)
 
     def take_over(self) -> None:
-        """Take the commands in force as given now; from now on their loss makes the drill safe."""
+        """Take the commands active as given now; from now on their loss makes the drill safe."""
         self._control.take_over()
         self._watches = True
 

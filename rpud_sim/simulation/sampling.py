@@ -81,8 +81,8 @@ def join_samples(parts: Sequence[Samples]) -> Samples:
     return Samples(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
-# The loops of a flight have no branches and few arrays each, so that a processor does several times
-# at once. What they compute is ``motion_at``, bit for bit.
+# The loops of free motion have no branches and few arrays each, so that a processor
+# does several times together. What they compute is ``motion_at``, bit for bit.
 
 
 @compiled
@@ -131,7 +131,7 @@ def _fill_sum(values, factor, terms, sums):
 
 @compiled
 def _fill_flight(segment, begin, end, channels):
-    """Fill the channels from one time to another, in a flight near its start; given its times.
+    """Fill the channels from one time to another, in free motion near its start; given its times.
 
     They are in the last row, and sines and cosines of the vibration for a while in those of the
     free mass.
@@ -245,8 +245,8 @@ def sample_parts(
     """Sample all channels of a trajectory in n parts, each as if it were alone.
 
     So a time at a joint of two segments is sampled from the same one, however far the trajectory
-    goes on before and after its part. ``firsts`` and ``lasts`` are the numbers of the first and the
-    last segment of each part, shape (n,), int64. ``cuts`` are those of the first time of each, and
+    continues before and after its part. ``firsts`` and ``lasts`` number the first and the last
+    segment of each part, shape (n,), int64. ``cuts`` are those of the first time of each, and
     of all, shape (n + 1,).
     """
     count = len(times.seconds)

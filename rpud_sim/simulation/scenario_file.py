@@ -30,7 +30,7 @@ _Bounds = tuple[float, float]  # least and most, which are equal if nothing is d
 
 @dataclasses.dataclass(frozen=True)
 class _Uniform:
-    """Mapping in place of a number that is drawn."""
+    """Mapping instead of a number that is drawn."""
 
     bounds: tuple[Cursor, Cursor] = key(list_of(here, 2, 2), name="uniform")
 
@@ -174,7 +174,7 @@ def _faults(entries: Sequence[Cursor], seed: int) -> tuple[Change, ...]:
         fault = action.fault
         other, clear = latest.get((fault.kind, fault.channel), (0, 0))
         if onset < clear:
-            raise cursor.error(f"{fault} begins while that of entry {other} lasts")
+            raise cursor.error(f"{fault} begins while entry {other} is active")
         end = onset + action.duration if action.duration else NEVER
         latest[fault.kind, fault.channel] = (number, end)
     return tuple(Change(onset, action, cursor.prefix) for onset, action, _, cursor in found)

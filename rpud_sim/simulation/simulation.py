@@ -1,4 +1,4 @@
-"""Simulation of the drill: its plant, the commands in force and the faults."""
+"""Simulation of the drill: its plant, the commands active and the faults."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class Simulation:
         configuration = whole_configuration(configuration)
         parameters = configuration.parameters
         drive = configuration.nominal_drive
-        self.configuration = configuration  # in force, without faults; read-only
+        self.configuration = configuration  # active, without faults; read-only
         self._first_specific_energy = configuration.rock.rock_specific_energy
-        # commands in force, read-only
+        # commands active, read-only
         rest = configuration.mount.rest if configuration.has_feed else None
         self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0, rest)
         self._plant = Plant(configuration, initial_phase, drive, buffers)
@@ -59,7 +59,7 @@ class Simulation:
 
     @property
     def parameters(self) -> Parameters:
-        """Parameters in force, without faults."""
+        """Parameters active, without faults."""
         return self.configuration.parameters
 
     @property
@@ -73,7 +73,7 @@ class Simulation:
 
     @property
     def actuator(self) -> ActuatorReading:
-        """State of the actuator at the present time, without commands since the last advance."""
+        """State of the actuator at the current time, without commands since the last advance."""
         return self._plant.reading
 
     @property
@@ -111,9 +111,9 @@ class Simulation:
         return mount.weight_on_bit if mount else self.applied.weight_on_bit.force
 
     def move_to(self, time: int) -> None:
-        """Advance to a time [ns] within the present block."""
+        """Advance to a time [ns] within the current block."""
         if time < self.time:
-            raise ValueError(f"time {time} ns is before the present {self.time} ns")
+            raise ValueError(f"time {time} ns is before the current {self.time} ns")
         while (step := self._plant.next_step) <= time:
             self._plant.advance_to(step)
         if self.time < time:  # or changes at one instant would act one by one
@@ -149,7 +149,7 @@ class Simulation:
         """Advance to times one after the other; the block has a part up to each of them.
 
         The result is that of ``advance_to`` for each of ``ends``, which ascend from after the
-        present time [ns]. Without a step of the plant before the last one, it takes one call of
+        current time [ns]. Without a step of the plant before the last one, it takes one call of
         the engine.
         """
         start = self._block_start
@@ -173,11 +173,11 @@ class Simulation:
             self._plant.check(command)
 
     def apply(self, command: Command) -> bool:
-        """Put a command into force at the present time; return whether it changes anything.
+        """Apply a command at the current time; return whether it changes anything.
 
         The nodal plane's position and velocity and the phase of the vibration stay continuous; a
         new amplitude takes effect when the vibration next passes through zero displacement. A
-        command that is in force already changes nothing, and its time stays.
+        command that is active already changes nothing, and its time stays.
         """
         before = self.applied
         acting = command.after(before.drive) if isinstance(command, Drive) else command
@@ -195,7 +195,7 @@ class Simulation:
         return True
 
     def configure(self, configuration: Configuration) -> None:
-        """Put other parameters into force at the present time; positions and velocities go on.
+        """Apply other parameters at the current time; positions and velocities continue.
 
         The actuator is the same, and the rock but for its specific energy. Weight on bit and
         nominal vibration change by command alone.

@@ -106,7 +106,7 @@ class Telemetry:
         if number is None or number % period or self._pending or self._signals.busy:
             return np.empty(0, np.int64)
         most = max(1, _SPAN * rate // SECOND // period)
-        # Something that is due by now lies before the present boundary.
+        # Something that is due by now lies before the current boundary.
         periods = min(most, (boundaries_until(time, rate) - number) // period)
         last = number + periods * period
         return np.array([boundary(n + 1, rate) for n in range(number, last)], np.int64)

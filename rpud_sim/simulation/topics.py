@@ -94,7 +94,7 @@ GROUND_TRUTH = ("waveform", "trajectory", "borehole")
 class Channel:
     """Measured fields of a topic, by their paths in the message.
 
-    Stamps, frames, sequence numbers and counts are no measurements: no fault changes them.
+    Stamps, frames, sequence numbers and counts are not measurements: no fault changes them.
     """
 
     unit: str  # SI unit of the main quantity, on which noise and bias act

@@ -93,7 +93,7 @@ def leave_artefacts(
 
 
 def _reason(failure: str) -> list[str]:
-    """Return the line in which pytest says why a test has failed, of the text of its failure."""
+    """Return the line in which pytest explains a failure, out of its text."""
     lines = failure.splitlines()
     reasons = [line.removeprefix("E  ").strip() for line in lines if line.startswith("E  ")]
     return (reasons or lines)[:1]

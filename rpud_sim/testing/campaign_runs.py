@@ -1,4 +1,4 @@
-"""Runs of a campaign: attempts beside the system under test, and what they say together.
+"""Runs of a campaign: attempts beside the system under test, and what they report together.
 
 The results are each requirement under each scenario, as table, JSON and page.
 """
@@ -37,7 +37,7 @@ ENDINGS = {
     "died": "the system under test ended by itself",
     "silent": "the system under test does not answer",
     "late": "the system under test answers too late",
-    BROKEN: "drill or middleware failed: the run says nothing about the system under test",
+    BROKEN: "drill or middleware failed: the run shows nothing about the system under test",
 }
 # Name of the verdict of every run on whether the system under test has answered to the end.
 SYSTEM = "system under test"

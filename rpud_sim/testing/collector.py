@@ -35,7 +35,7 @@ __tracebackhide__ = is_verdict
 class StoredTopic(ReceivedTopic):
     """Messages of a topic in order, decoded when they are asked for.
 
-    ``numbered_alone`` says whether one publisher numbers the messages, so that a gap is a loss.
+    ``numbered_alone`` reports whether one publisher numbers the messages, so that a gap is a loss.
     With ``changes`` a message that repeats the one before, but for its timing, is left out. A
     message without a stamp has the time of ``clock`` [ns].
     """
@@ -103,7 +103,7 @@ class StoredTopic(ReceivedTopic):
         try:
             message = deserialize_message(payload, JointState)
             return joints_to_feed(message, self.frame_prefix) is not None
-        except Exception:  # it is refused, which counts too
+        except Exception:  # it is rejected, which counts too
             return True
 
 
@@ -111,7 +111,7 @@ class Collector:
     """Node that keeps every message of the topics it has subscribed to.
 
     Taking messages by hand costs a tenth of what an executor costs, which would be most of a step.
-    ``client`` says what the drill has published; both have one participant of the middleware.
+    ``client`` shows what the drill has published; both have one participant of the middleware.
     """
 
     def __init__(self, client: DrillClient) -> None:
@@ -195,7 +195,7 @@ class Collector:
     ) -> str:
         """Take messages until nothing lacks; return what still does after some real time [s].
 
-        ``lack`` says it in words, empty for nothing. It is called after each message and at least
+        ``lack`` returns it in words, or an empty text. It is called after each message and at least
         every ``period`` [s], and so often is ``check``, which may raise an error.
         """
         deadline = time.monotonic() + seconds

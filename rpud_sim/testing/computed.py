@@ -158,7 +158,7 @@ class ComputedDrill:
         }
 
     def _compute(self, topic: str) -> list[Batch]:
-        """Return the messages of a topic up to the present time."""
+        """Return the messages of a topic up to the current time."""
         self.refresh()
         if topic == "journal":
             return self._journal
@@ -171,7 +171,7 @@ class ComputedDrill:
         return self._batches.get(topic, [])
 
     def _advance(self) -> None:
-        """Bring the run to the present time, with all changes."""
+        """Bring the run to the current time, with all changes."""
         if not self._entries:
             return
         if self._run is None:

@@ -24,7 +24,7 @@ _SEEDS = 1 << 32  # of an order: 0 is for none
 
 
 class Stop(NamedTuple):
-    """Process that stands still for a real time."""
+    """Process that is stopped for a real time."""
 
     name: str
     delay: int  # since the step began [ms]
@@ -59,7 +59,7 @@ class Disturbances:
     def step(self, until: int, systems: Sequence[SystemUnderTest]) -> Iterator[int]:
         """Disturb a step to a simulation time [ns], and yield the seed of its order.
 
-        Every process that was stopped goes on before the end, also of a step that fails.
+        Every process that was stopped continues before the end, also of a step that fails.
         """
         named = {each.name: each for each in systems if each.running and not each.paused}
         step = self._drawn(until, list(named))
@@ -82,7 +82,7 @@ def _drawn_stop(name: str, random: Random) -> Stop:
 
 @contextmanager
 def carried_out(stops: Sequence[tuple[Stop, SystemUnderTest]]) -> Iterator[None]:
-    """Stop processes and let them go on at their times; all of them go on in the end."""
+    """Stop processes and let them continue at their times; all of them continue in the end."""
     if not stops:
         yield
         return

@@ -71,7 +71,7 @@ class LockstepDrill(Lockstep):
         self.observed = False  # whether the test has looked at anything of the drill
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
-        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
+        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys replace each other
         self.seed = NO_SEED  # of the drill
         self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 
@@ -144,7 +144,7 @@ class LockstepDrill(Lockstep):
 
     @property
     def refusals(self) -> str:
-        """Number of refused commands since time zero and why the last one; empty without any."""
+        """Number of rejected commands since time zero and why the last one; empty without any."""
         self.observed = True
         return self._refusals.line(self.status.commands_rejected)
 
@@ -190,10 +190,10 @@ class LockstepDrill(Lockstep):
         return self._now
 
     def reset(self, seed: int | None = None) -> None:
-        """Take the drill back to time zero, as it was started; nodes under test go on.
+        """Take the drill back to time zero, as it was started; nodes under test continue.
 
         What was published before is forgotten, and expectations judge what follows. ``seed`` is
-        that of the drill from here on; None for the present one.
+        that of the drill from here on; None for the current one.
         """
         self._note("reset" if seed is None else f"reset seed={seed}")
         self._reset(seed)
@@ -307,7 +307,7 @@ class LockstepDrill(Lockstep):
                 connected when the graph has not changed for a while.
             ready: further condition: a regular expression that its output has, or a callable.
             timeout: longest real time until then [s].
-            hears: the name of ``subscribes_to`` in 0.3.
+            hears: name of ``subscribes_to`` in 0.3.
 
         Raises:
             SystemUnderTestError: if it ends, or is not connected within the time.

@@ -20,7 +20,7 @@ _MOST_IDLE = 3  # drills that are kept: each takes some 200 MB
 
 
 def check_ros() -> None:
-    """Raise a DrillError that says what to install where ROS 2 cannot be imported."""
+    """Raise a DrillError that shows what to install where ROS 2 cannot be imported."""
     try:
         import_module("rclpy")
         import_module("rpud_msgs.msg")

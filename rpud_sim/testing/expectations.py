@@ -28,7 +28,7 @@ __tracebackhide__ = is_verdict
 
 
 class LiveVerdicts:
-    """Verdicts on a drill that goes on."""
+    """Verdicts on a drill that continues."""
 
     def __init__(self, namespace: str, topic: Callable[[str], StoredTopic | ComputedTopic]) -> None:
         self._namespace = namespace
@@ -69,7 +69,7 @@ class LiveVerdicts:
     ) -> tuple[Verdict, ...]:
         """Evaluate expectations, at a simulation time [s], and return the verdicts.
 
-        ``refusals`` returns a line about refused commands for an error, empty without any.
+        ``refusals`` returns a line about rejected commands for an error, empty without any.
         """
         record = self._filled(expectations)
         verdicts = tuple(evaluate(expectation, record) for expectation in expectations)
@@ -119,7 +119,7 @@ class LiveVerdicts:
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """Return a verdict as one line; a failed one has values in its text in place of a margin."""
+    """Return a verdict as one line; a failed one has values in its text instead of a margin."""
     requirement = f"[{verdict.requirement}] " if verdict.requirement else ""
     margin = ""
     if verdict.passed and verdict.margin is not None:

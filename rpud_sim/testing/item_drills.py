@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # pytest imports the plugin in every run, also where no test 
     from rpud_sim.testing.setup import DrillSetup
 
 DRILLS = pytest.StashKey[list[Any]]()  # of an item
-ATTEMPT = pytest.StashKey[Any]()  # of an item whose attempts are compared: its present one
+ATTEMPT = pytest.StashKey[Any]()  # of an item whose attempts are compared: its current one
 POOL = pytest.StashKey["DrillPool"]()  # of a configuration
 
 

@@ -158,7 +158,7 @@ class Lockstep:
             raise DrillError(f"the drill is {status.latest().state} after a reset, not paused")
 
     def _reset(self, seed: int | None) -> None:
-        """Take the drill back to time zero; what came before is forgotten, nodes go on."""
+        """Take the drill back to time zero; what came before is forgotten, nodes continue."""
         self._settle()  # messages from before are none of after
         if self._heard_before is not None:
             self._heard_before.append(heard_of(self._collector, self._computed))
@@ -210,7 +210,7 @@ class Lockstep:
                 return action()
         finally:
             self._changed = True
-            if self.alive:  # also where the drill refuses it: the status counts that
+            if self.alive:  # also where the drill rejects it: the status counts that
                 self._settle()
 
     def _settle(self) -> None:
@@ -328,7 +328,7 @@ class Lockstep:
 
 
 def described(condition: Callable[[], object]) -> str:
-    """Return a condition in words: its name, or where it stands."""
+    """Return a condition in words: its name, or its place in the source."""
     name = getattr(condition, "__name__", "")
     if name and name != "<lambda>":
         return name

@@ -210,7 +210,7 @@ class Answers:
         return [answer.name for answer in self._answers]
 
     def declare(self, names: tuple[str, ...], count: int = 1, period: int = 0) -> None:
-        """Declare topics with answers, in place of those before."""
+        """Declare topics with answers, instead of those before."""
         self.period = period if names else 0
         self.discovered = False
         self._handshake.renew()
@@ -244,7 +244,7 @@ class Answers:
         return ""
 
     def begin(self) -> None:
-        """Begin a step: what has come until now is no answer to it."""
+        """Begin a step: what has come until now is not an answer to it."""
         for answer in self._answers:
             answer.begun = answer.heard
 

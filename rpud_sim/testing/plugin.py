@@ -111,7 +111,7 @@ def pytest_report_header(config: pytest.Config) -> list[str]:
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Check the marks of all selected tests; where the first has a drill, its process starts."""
     if not session.config.option.collectonly and any(map(_has_drill, session.items[:1])):
-        with suppress(RuntimeError):  # no domain is free, which the test will say
+        with suppress(RuntimeError):  # no domain is free, which the test will report
             pool_of(session.config)
     errors = []
     for item in session.items:
@@ -124,7 +124,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         except ParameterError as error:
             item.stash[_ERROR] = f"mark rpud: {error}"
             errors.append(f"{item.nodeid}: mark rpud: {error}")
-    # A worker of xdist could not say it: there the test itself fails, before its drill starts.
+    # A worker of xdist could not report it: there the test itself fails, before its drill starts.
     if errors and not hasattr(session.config, "workerinput"):
         raise pytest.UsageError(*errors)
 
@@ -274,7 +274,7 @@ def _add_properties(item: pytest.Item, properties: list[tuple[str, object]]) -> 
 
 def _count(text: str) -> int:
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
     return int(text)
 
 

@@ -27,7 +27,7 @@ _LAST_DOMAIN = 101
 _DEFAULT_DOMAINS = (0, 42)  # of ROS, and of env.bash: people use them without a lock
 _PARTICIPANTS = 8  # of another program that are looked for in a domain
 _ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
-# Parameters of every drill of a test: time stands still between steps, and begins at zero.
+# Parameters of every drill of a test: time is paused between steps, and begins at zero.
 LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
 
 _GUARD = Path(__file__).with_name("guard.py")

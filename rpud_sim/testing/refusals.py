@@ -1,4 +1,4 @@
-"""Commands that the drill has refused in a test: how many, and why the last one."""
+"""Commands that the drill has rejected in a test: how many, and why the last one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PATIENCE = 1.0  # that a reason may take to arrive after the status that counts
 
 
 class Refusals:
-    """Reasons of refused commands since the drill began the test, or was reset."""
+    """Reasons of rejected commands since the drill began the test, or was reset."""
 
     def __init__(self, client: DrillClient) -> None:
         self._client = client
@@ -26,7 +26,7 @@ class Refusals:
         self._reasons: list[str] = []
 
     def line(self, count: int) -> str:
-        """Return how many commands are refused, as the status counts, and why the last one.
+        """Return how many commands are rejected, as the status counts, and why the last one.
 
         It is empty for none.
         """
@@ -35,7 +35,7 @@ class Refusals:
         with contextlib.suppress(ClientError, DrillError):
             self._client.until(lambda: len(self._reasons) >= count, _PATIENCE)
         reason = self._reasons[-1] if self._reasons else "its reason has not arrived"
-        return f"{counted(count, 'command')} refused, the last: {reason}"
+        return f"{counted(count, 'command')} rejected, the last: {reason}"
 
     def _take(self, topic: str, message: Any, published: int) -> None:
         # Messages with an earlier number are of the run before.

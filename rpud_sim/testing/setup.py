@@ -114,7 +114,7 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
     beside = [each.name for parent in parents for each in parent.iterdir()]
     looked = ", ".join(dict.fromkeys(map(str, places)))
     hint = suggestion(Path(given).name, beside)
-    raise ParameterError(f"{name} = {shown(str(given))} is no file: looked for {looked}{hint}")
+    raise ParameterError(f"{name} = {shown(str(given))} is not a file: looked for {looked}{hint}")
 
 
 def _scenario(

@@ -42,13 +42,13 @@ class SystemUnderTest(ChildProcess):
     members: Sequence[int] = ()  # numbers of all its processes when it was killed
 
     def stop(self) -> None:
-        """End it; that it is gone is no failure."""
+        """End it; that it is gone is not a failure."""
         self.expected = True
         self.resume()
         super().stop()
 
     def kill(self) -> None:
-        """Kill it; its end is no failure."""
+        """Kill it; its end is not a failure."""
         self.expected = True
         self.members = self.members or group_of(self.pid)
         super().kill()
@@ -61,19 +61,19 @@ class SystemUnderTest(ChildProcess):
         super().send(number)
 
     def disturb(self, number: int) -> None:
-        """Send a signal that is no act of the test: it is not noted, and ends no pause."""
+        """Send a signal that is not an act of the test: it is not noted, and ends no pause."""
         if self.running and not self.paused:
             super().send(number)
 
     def pause(self) -> None:
-        """Let it stand still, as one that hangs; the test awaits its declared answers all the same.
+        """Stop it, as a process that hangs; the test awaits its declared answers all the same.
 
         ``drill.with_answers()`` ends these.
         """
         self.send(signal.SIGSTOP)
 
     def resume(self) -> None:
-        """Let it go on after ``pause``."""
+        """Let it continue after ``pause``."""
         self.send(signal.SIGCONT)
 
 
@@ -170,7 +170,7 @@ class Systems:
             raise LostMessagesError(f"{lacking} within {_CONNECTION:g} s")
 
     def await_answerers(self) -> None:
-        """Wait until the nodes that shall answer are there, and know the test's subscriptions."""
+        """Wait until the nodes that must answer are there, and know the test's subscriptions."""
         answers = self._answers
         self._forget_ended()
         if self._ended or not answers.declared:
@@ -236,7 +236,7 @@ class Systems:
     def _await(
         self, lack: Callable[[], str], longest: float, vain: Callable[[], bool], *period: float
     ) -> str:
-        """Wait for what processes shall do; return what they lack, and after how long.
+        """Wait for what processes must do; return what they lack, and after how long.
 
         There is less time for what was in vain in a test before.
         """

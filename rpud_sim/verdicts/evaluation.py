@@ -105,7 +105,7 @@ class Evaluation:
         return (time - self._zero) / SECOND
 
     def trigger(self, formula: f.Formula) -> Steps:
-        """Return the instants of the event for which a trigger stands."""
+        """Return the instants of the event for which a trigger is written."""
         return self.steps(event_of(formula))
 
     def _constant(self, value: np.ndarray, absent: bool = False) -> Steps:
@@ -384,5 +384,5 @@ class Evaluation:
 
 
 def event_of(trigger: f.Formula) -> f.Event:
-    """Return the event for which a trigger stands."""
+    """Return the event for which a trigger is written."""
     return trigger if isinstance(trigger, f.Event) else f.Becomes(trigger)

@@ -133,7 +133,7 @@ class HasText(Formula):
         word = self.word
         fits = isinstance(word, bool) or (isinstance(word, str) and word == word.strip() != "")
         if not fits or word in ("true", "false"):
-            raise ExpectationError(f"{self.signal} is {shown(word)}: that is no word")
+            raise ExpectationError(f"{self.signal} is {shown(word)}: that is not a word")
 
     def __str__(self) -> str:
         word = str(self.word).lower() if isinstance(self.word, bool) else self.word
@@ -177,7 +177,7 @@ class Published(Event):
 
     def __post_init__(self) -> None:
         if not isinstance(self.where, Compare | HasText | None):
-            raise ExpectationError("where is no comparison")
+            raise ExpectationError("where is not a comparison")
         if self.where is not None and self.where.signal.topic != self.topic:
             raise ExpectationError(
                 f"a message of {self.topic} has no {self.where.signal}; name a field of its topic"
@@ -259,7 +259,7 @@ class Until(Formula):
 class After(Formula):
     """The formula holds at every instant of an event; undecided if the event never comes."""
 
-    trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
+    trigger: Formula  # an event; another formula gives the instants at which it begins to hold
     formula: Formula  # that holds then
 
 

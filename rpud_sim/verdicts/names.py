@@ -184,7 +184,7 @@ def _check_formula(formula: Formula) -> None:
 def _check_kind(formula: object) -> None:
     if not isinstance(formula, Formula):
         raise ExpectationError(
-            f"{shown(formula)} is no formula; compare a signal by <, <=, >, >=, equals or has_text"
+            f"{shown(formula)} is not a formula; compare by <, <=, >, >=, equals or has_text"
         )
 
 
@@ -198,7 +198,7 @@ def check_use(part: SignalFormula, field: SignalField | None) -> None:
             raise ExpectationError(f"{part.signal} is {kind}, given {shown(part.word)}")
         return
     if field is not None and field.has_text:
-        raise ExpectationError(f"{part.signal} is no number: write {part.signal} is WORD")
+        raise ExpectationError(f"{part.signal} is not a number: write {part.signal} is WORD")
     threshold(part.number, field, part.signal)
     if isinstance(part, Compare):
         threshold(part.tolerance, field, part.signal)

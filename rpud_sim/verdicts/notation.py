@@ -84,7 +84,7 @@ def quantile(
 
 
 class _Form(NamedTuple):
-    """Mapping that stands for a formula. Its first key gives the form."""
+    """Mapping of a formula. Its first key gives the form."""
 
     make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
@@ -179,7 +179,7 @@ def _comparison(text: str) -> f.Compare | f.HasText:
     """Return the formula of a text such as ``status.state is running``."""
     match = _ATOM.fullmatch(text)
     if match is None:
-        raise ExpectationError(f"{shown(text)} is no comparison, as reacting_force.force < 45 N")
+        raise ExpectationError(f"{shown(text)} is not a comparison, as reacting_force.force < 45 N")
     return _about(signal(match[1] or match[3]), match[2] or match[4])
 
 
@@ -187,7 +187,7 @@ def _number(cursor: Cursor) -> tuple[str, Number]:
     value = cursor.value
     match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
     if match is None or match[3]:
-        raise cursor.wrong("is no comparison, as < 45 N")
+        raise cursor.wrong("is not a comparison, as < 45 N")
     return _operator(match[1]), Number(*parse_quantity(match[2]))
 
 
@@ -197,7 +197,7 @@ def _between(cursor: Cursor) -> Any:
     return [None if each in ("end", None) else each for each in cursor.value]
 
 
-_READERS: Mapping[str, Reader] = {  # of the fields that are no formulas
+_READERS: Mapping[str, Reader] = {  # of the fields that are not formulas
     "fault": as_it_is,
     "formulas": list_of(to_formula),
     "number": _number,
@@ -228,7 +228,7 @@ def _about(about: f.Signal, text: str) -> f.Compare | f.HasText:
     match = _COMPARED.fullmatch(text)
     if match is None:
         raise ExpectationError(
-            f"{shown(text)} is no comparison of {about}, as < 45 N, == 0 N +- 0.1 N or is running"
+            f"{shown(text)} is not a comparison of {about}: < 45 N, == 0 N +- 0.1 N or is running"
         )
     return about.compare(_operator(match[1]), match[2], match[3] or 0.0)
 

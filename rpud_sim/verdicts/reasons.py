@@ -19,7 +19,7 @@ NO_EVENT = "the event of after never came"
 
 
 def described(evaluation: Evaluation, reasons: Iterable[Reason]) -> str:
-    """Return the reasons of a decision as one line; empty if there is nothing to say."""
+    """Return the reasons of a decision as one line; empty if there is nothing to report."""
     texts = dict.fromkeys(_described(evaluation, reason) for reason in reasons)
     return "; ".join(filter(None, texts))
 

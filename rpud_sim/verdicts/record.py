@@ -63,7 +63,7 @@ class Record:
         """Read topics of a bag; without ``namespace`` it is that of the only status.
 
         ``progress`` is called with the number of messages since its last call. The fields that
-        ``expectations`` name are checked first. A RecordingError says why runs cannot be told.
+        ``expectations`` name are checked first. A RecordingError explains a failure.
         """
         with open_bag(path) as bag:
             known = {summary.topic.name: summary for summary in bag.topics}
@@ -218,7 +218,7 @@ class Record:
             stamps = columns["time"]
         elif "header.stamp" in columns:
             stamps = columns["header.stamp"]
-            if topic.startswith("command/"):  # a stamp of zero is no stamp
+            if topic.startswith("command/"):  # a stamp of zero is not a stamp
                 stamps = np.where(stamps == 0, columns["log_time"], stamps)
         else:
             stamps = columns["log_time"]

@@ -126,7 +126,7 @@ class Bins:
 class Impacts:
     """Times and peak forces of the impacts of a run, by ascending time.
 
-    Beyond ``MOST`` every second one is forgotten: ``stride`` is how many one stands for.
+    Beyond ``MOST`` every second one is forgotten: ``stride`` is how many one represents.
     """
 
     def __init__(self) -> None:
@@ -172,7 +172,7 @@ class Impacts:
         """Return the spread of the peak forces in about so many parts of a range of time [s].
 
         ``low`` and ``high`` are the ends of the band with 90 % of them; without an impact they are
-        NaN, as ``mean``. ``outliers`` stand out above the band; ``more`` are not among these.
+        NaN, as ``mean``. ``outliers`` are above the band; ``more`` are not among these.
         ``count`` is the number of impacts in a part.
         Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
         when the range moves.

@@ -40,7 +40,7 @@ class LogEntry:
     kind: str  # ``COMMAND``, ``FAULT``, ``RUN`` or ``REFUSAL``
     text: str
     name: str = ""  # of what has changed several times
-    count: int = 1  # of the changes that it stands for
+    count: int = 1  # of the changes that it represents
 
     def plain(self) -> dict[str, Any]:
         times, last = f"\N{MULTIPLICATION SIGN}{self.count}", self.text.removeprefix(self.name)
@@ -56,7 +56,7 @@ class Commands:
     """
 
     def __init__(self) -> None:
-        self.parameters: dict[str, Any] = {}  # of the present run, as far as it is known
+        self.parameters: dict[str, Any] = {}  # of the current run, as far as it is known
         self._count = 0  # entries, also those that are not kept any more
         self._entries: deque[LogEntry] = deque(maxlen=MOST_LOGGED)
         self._last: dict[str, tuple[float, str, int, LogEntry]] = {}  # by kind; number in the row
@@ -89,8 +89,8 @@ class Commands:
         self._last[kind] = time, text, row, entry
 
     def refuse(self, time: float, reason: str) -> None:
-        """Add a refusal to the log, at a time [s]."""
-        self._log(time, REFUSAL, f"refused: {plain_refusal(reason)}")
+        """Add a rejection to the log, at a time [s]."""
+        self._log(time, REFUSAL, f"rejected: {plain_refusal(reason)}")
 
     @property
     def quantities(self) -> Collection[str]:
@@ -104,9 +104,9 @@ class Commands:
     ) -> dict[str, Any]:
         """Return the fields ``log`` and ``log_thinned`` of a frame.
 
-        ``faults`` are those of the frame. Their beginnings and ends take the place of what the
-        journal says of faults. One entry takes the place of what the drill did by itself while
-        commands were lost, from and until [s].
+        ``faults`` are those of the frame. Their beginnings and ends replace what the
+        journal contains about faults. One entry replaces what the drill did by itself while commands
+        were lost, from and until [s].
         """
         told = []
         for fault in faults:
@@ -134,7 +134,7 @@ class Commands:
     def steps(self, start: float, end: float, most: int) -> dict[str, dict[str, np.ndarray]]:
         """Return the field ``steps`` of a frame: each commanded value from its time on.
 
-        The first of a quantity is the one in force at ``start``, and the last one holds. At most
+        The first of a quantity is the one active at ``start``, and the last one holds. At most
         ``most`` of a quantity are returned, evenly thinned.
         """
         found = {}

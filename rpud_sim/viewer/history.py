@@ -180,7 +180,7 @@ class History:
             }
 
     def log(self) -> dict[str, Any]:
-        """Return the fields of a frame that tell what was commanded."""
+        """Return the fields of a frame with what was commanded."""
         spans: list[tuple[float, float]] = []
         lost = False
         for time, now in sorted(self._commands_lost.items()):
@@ -196,7 +196,7 @@ class History:
         """A number that grows with the messages."""
         return self._changes
 
-    # What a screen asks of every drill; a recorded one has more to say
+    # What a screen asks of every drill; a recorded one has more
 
     live = False  # whether it changes all the time
     is_drill = True  # and not another node
@@ -261,7 +261,7 @@ class History:
         return self.is_stepped(quantity) or self.signal(quantity) is not None
 
     def is_stepped(self, quantity: str) -> bool:
-        """Return whether commands say a quantity; the weight on bit of an arm is measured."""
+        """Return whether commands determine a quantity; the weight on bit of an arm is measured."""
         if quantity not in self.commands.quantities:
             return False
         shown = self.signal(quantity) if quantity == "weight_on_bit" else None

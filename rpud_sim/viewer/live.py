@@ -38,7 +38,7 @@ _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
 _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
 _SEARCH_PATIENCE = 1.0  # s
 _ANSWER_PATIENCE = 10.0  # s
-_SILENT = 2  # from so many whole seconds without a status on, pages say it
+_SILENT = 2  # from so many whole seconds without a status on, pages show it
 _INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
 
 MOST_DRILLS = 16  # with subscriptions; for a further one, a drill that has ended is forgotten
@@ -54,7 +54,7 @@ _TIMING = {
     "messages dropped by the drill": "messages_dropped",
     "commands accepted": "commands_accepted",
     "commands overwritten": "commands_discarded",
-    "commands refused": "commands_rejected",
+    "commands rejected": "commands_rejected",
     "commanders": "commanders",
 }
 
@@ -138,10 +138,10 @@ class LiveDrill:
     Any number of pages share it. ``connection`` is ``searching``, ``connected`` or ``vanished``,
     since when [Unix s], and why.
 
-    The drill need not be there at first. If it vanishes, the connection says so and the thread
+    The drill need not be there at first. If it vanishes, the connection reports it and the thread
     searches it again; received messages stay until another run begins, whose number is
     ``history.run``. Actions are executed in order, as methods of ``DrillClient``; a pause or reset
-    ends the wait for a step that is under way. ``error`` says why the thread has died.
+    ends the wait for a step that is under way. ``error`` gives the reason why the thread has ended.
     """
 
     def __init__(self, namespace: str, domain_id: int | None = None) -> None:
@@ -185,7 +185,7 @@ class LiveDrill:
         return bool(self.error) or self.connection["state"] == VANISHED
 
     def close(self) -> None:
-        """Leave the graph; the drill goes on."""
+        """Leave the graph; the drill continues."""
         self._closed = True
         self._wake.set()
         self._thread.join()
@@ -258,7 +258,7 @@ class LiveDrill:
                     self._client = None
         except InterruptedWaitError:
             pass
-        except Exception as error:  # pages say it, and end
+        except Exception as error:  # pages show it, and end
             self.error = f"{type(error).__name__}: {error}"
             raise
         finally:

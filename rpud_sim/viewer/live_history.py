@@ -1,4 +1,4 @@
-"""History of the present run of a running drill, fed by its topics."""
+"""History of the current run of a running drill, fed by its topics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BINS = 1 << 14
 _GREATEST = 2**61  # size of a time with which all calculations fit int64 [ns]
 _JOINING = 0.2  # after the first message, in which other topics may not have arrived yet [s]
 _LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
-_SILENCE = 2.0  # of a topic in which others go on: its messages are missing [s]
+_SILENCE = 2.0  # of a topic in which others continue: its messages are missing [s]
 _MOST_SAMPLES = 1200  # of a section
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
     *("peak_force", "impact_rate", "reacting_force"),
@@ -49,7 +49,7 @@ Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period 
 
 
 class LiveHistory(History):
-    """History of the present run of a drill; not safe for threads by itself.
+    """History of the current run of a drill; not safe for threads by itself.
 
     Fast messages wait in lists until ``settle``. A message is of the last run that had begun when
     it was published. Messages before the journal's stamp of time zero are left out, except the
@@ -156,7 +156,7 @@ class LiveHistory(History):
     def holes(self, signal: Signal) -> list[tuple[float, float]]:
         found = [*self._holes.get(signal.topic, ())]
         now, until = self.time or 0.0, self._until.get(signal.topic, math.inf)
-        if signal.topic == self.struck:  # no impact is no loss
+        if signal.topic == self.struck:  # without impacts nothing is lost
             found += super().holes(signal)
         elif until < now - _SILENCE:
             found.append((until, now))
@@ -260,7 +260,7 @@ class LiveHistory(History):
             for topic, (message, _) in self._kept.items():
                 if _stamp(message) >= origin:
                     self._show(topic, message)
-        elif origin != self._origins[-1][1]:  # the run goes on with other stamps
+        elif origin != self._origins[-1][1]:  # the run continues with other stamps
             self._origins = [each for each in self._origins if each[0] < stamp]
             self._origins.append((stamp, origin))
             self.time = min(self.time, time / SECOND)

@@ -35,7 +35,7 @@ MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 MOST_FAULTS = 10_000  # messages of faults that are read; further ones are counted
 
 GREATEST = 1e120  # size of a value: squares of greater ones overflow
-SAMPLED = 48  # chunks that are read before the page stands
+SAMPLED = 48  # chunks that are read before the page is complete
 LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
 
 _KEPT = 96  # chunks whose rows are kept
@@ -284,7 +284,7 @@ class RecordedBag:
         return next((span[1] for span in spans if span), 0.0)
 
     def _usual_end(self, drill: str) -> float:
-        """Return how long a namespace without a drill lasts [s]: one wrong stamp says nothing."""
+        """Return how long a namespace without a drill lasts [s]: one wrong stamp does not count."""
         if drill not in self._usual_ends:
             numbers = self._held[drill][-_TOGETHER:]
             found = [self.times(n, rows) for i in numbers for n, rows in self._timed_rows(drill, i)]

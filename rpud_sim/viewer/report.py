@@ -285,7 +285,7 @@ def segment_table(history: RecordedDrill, frame: Mapping[str, Any]) -> Table:
         row += [_active(faults, begin + _NEAR) or "none", str(count)]
         rows.append(row + [_text(name, each) for name in figures for each in figures[name]])
     columns = [
-        *("begin [s]", "end [s]", "commands in force", "active faults", "impacts", "impacts [/s]"),
+        *("begin [s]", "end [s]", "active commands", "active faults", "impacts", "impacts [/s]"),
         *("peak force: mean [kN]", "median [kN]", "95 % [kN]", "greatest [kN]"),
         *("reacting force: mean [N]", "power into tool and rock: mean [W]"),
     ]
@@ -310,7 +310,7 @@ def _text(quantity: str, value: float | None) -> str:
 
 
 def _in_force(steps: Mapping[str, Mapping[str, np.ndarray]], time: float) -> str:
-    """Return the commands that are in force at a time [s]."""
+    """Return the commands that are active at a time [s]."""
     texts = []
     for name, found in steps.items():
         place = int(np.searchsorted(found["t"], time, "right")) - 1

@@ -178,7 +178,7 @@ class _Guarded(web.RequestHandler):
     """Handler that requires the token, and rejects requests that another page sends.
 
     A page of another site may ask the browser to connect here, or its name may suddenly resolve to
-    this machine. The browser tells both: in ``Origin`` and in ``Host``. Without a token the address
+    this machine. The browser sends both: in ``Origin`` and in ``Host``. Without a token the address
     is that of the machine itself.
     """
 
@@ -194,7 +194,7 @@ class _Guarded(web.RequestHandler):
         if origin is not None and _parts(origin).netloc.lower() != host:
             self._refuse(f"origin {origin!r:.200} is not this server")
         token = self.server.place.token
-        cookie = f"rpud_watch_{self.server.port}"  # tells several servers apart
+        cookie = f"rpud_watch_{self.server.port}"  # distinguishes several servers
         if not token:
             if not _is_own(_parts(f"//{host}").hostname or ""):
                 self._refuse(f"host {host!r:.200} is not this machine")
@@ -260,7 +260,7 @@ class _Frames(_Guarded, WebSocketHandler):
         self._number = 0  # of the last frame
         self._sent = (asyncio.get_running_loop().time(),) * 2  # times of the last two frames [s]
         self._acknowledged = asyncio.Event()
-        self._refused = (0, "")  # number of refusals, and the reason of the last one
+        self._refused = (0, "")  # number of rejections, and the reason of the last one
         self._task = asyncio.create_task(self._run())
         self._task.add_done_callback(self._end)  # also of one that is cancelled before it begins
 
@@ -322,7 +322,7 @@ class _Frames(_Guarded, WebSocketHandler):
             self.close(_WRONG_REQUEST, f"wrong request: {_one_line(error)}"[:100])
 
     def _check_age(self, number: Any) -> None:
-        """Refuse an action that a page asked for long ago: it names the frame that it had seen."""
+        """Reject an action that a page asked for long ago: it names the frame that it had seen."""
         age = asyncio.get_running_loop().time() - self._sent[1 if number == self._number else 0]
         if age > EXPIRY:
             raise ParameterError(f"expired: it came {age:.0f} s after what the screen had shown")

@@ -31,7 +31,7 @@ class Rows(NamedTuple):
 class TimeLine:
     """Times since a bag began of a drill's stamps: a run begins where the one before ended.
 
-    Time is that of the simulation, which stands during a pause. ``first`` is the first message.
+    Time is simulation time, which stops during a pause. ``first`` is the first message.
     """
 
     def __init__(self, runs: Sequence[RecordedRun], first: Rows, begin: int) -> None:

@@ -70,8 +70,8 @@ GIGABYTE = 2**30
 HUGE = 2**62
 COMPLAINTS = {
     "zstd bomb that says so": "at most",
-    "zstd bomb that lies": "not as large as it says",
-    "lz4 bomb that lies": "not as large as it says",
+    "zstd bomb that lies": "a chunk has another size than it gives",
+    "lz4 bomb that lies": "a chunk has another size than it gives",
     "chunk of petabytes": "at most",
     "record of petabytes": "do not end as they should",
     "string of gigabytes": "a length inside a record reaches beyond it",

@@ -134,7 +134,7 @@ def test_messages_that_an_index_brings_out_of_order_are_refused(tmp_path):
     with rpud_sim.bag.open(path) as bag:
         for read in (bag.messages, bag.batches):
             with pytest.raises(
-                BagFormatError, match=r"a\.mcap: .* earlier than its chunk says; rpud"
+                BagFormatError, match=r"a\.mcap: .* earlier than its chunk begins; rpud"
             ):
                 list(read())
     assert recover(path, tmp_path / "out").message_count == 4

@@ -138,7 +138,7 @@ def test_what_cannot_be_recovered_is_named_and_leaves_nothing(tmp_path):
     for name, content in {"notes": b"some notes of a student" * 100, "nothing": b""}.items():
         file = tmp_path / f"{name}.mcap"
         file.write_bytes(content)
-        with pytest.raises(BagFormatError, match="holds nothing of an MCAP file"):
+        with pytest.raises(BagFormatError, match="has no part of an MCAP file"):
             recover(file, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -105,7 +105,7 @@ def test_times_of_samples_do_not_depend_on_how_they_are_divided(rate, seconds, m
 def test_samples_of_a_rate_that_is_not_whole():
     assert _offsets(0.3, 7, 3).tolist() == [0, 300_000_000, 600_000_000]
     for period in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(BagFormatError, match=r"sample_period = .* s is no time"):
+        with pytest.raises(BagFormatError, match=r"sample_period = .* s is not the time"):
             _offsets(period, 0, 3)
 
 

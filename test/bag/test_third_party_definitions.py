@@ -87,11 +87,11 @@ def test_a_line_ends_where_it_does_for_ros(tmp_path):
         (f"B b\n{SEPARATOR}\nMSG: pkg/B\nwstring<=5[] x", "ros2msg", "it has a wstring"),
         (f"B b\n{SEPARATOR}\nIDL: pkg/msg/B\nmodule", "ros2msg", "a part of it is IDL"),
         ("other/C c", "ros2msg", "cannot be understood: it lacks the type other/msg/C"),
-        ("float64 x\n# a\n1 two", "ros2msg", "line 3 of pkg/msg/A is no field: 1 two"),
+        ("float64 x\n# a\n1 two", "ros2msg", "line 3 of pkg/msg/A is not a field: 1 two"),
         ("A[] x", "ros2msg", "it is nested too deep, or contains itself"),
         ("", "unknown", "the bag does not hold the definition of its type"),
-        ("@optional\nfloat64 x", "ros2msg", "line 1 of pkg/msg/A is no field: @optional"),
-        ("float64\u00a0x", "ros2msg", "line 1 of pkg/msg/A is no field: float64"),
+        ("@optional\nfloat64 x", "ros2msg", "line 1 of pkg/msg/A is not a field: @optional"),
+        ("float64\u00a0x", "ros2msg", "line 1 of pkg/msg/A is not a field: float64"),
     ],
 )
 def test_what_is_not_understood_has_its_reason_in_words(tmp_path, text, encoding, reason):
@@ -128,7 +128,9 @@ def test_a_message_that_is_no_cdr_has_its_reason_in_words(tmp_path, data, reason
 def test_a_type_without_a_proper_name_is_named(tmp_path, kind):
     with (
         rpud_sim.bag.open(file_of(tmp_path / "a.mcap", "float64 x", kind=kind)) as bag,
-        pytest.raises(rpud_sim.bag.BagFormatError, match=f"understood: '{kind}' is no name of a"),
+        pytest.raises(
+            rpud_sim.bag.BagFormatError, match=f"understood: '{kind}' is not a type name"
+        ),
     ):
         bag.arrays("/a")
 

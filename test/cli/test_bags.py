@@ -199,7 +199,7 @@ def test_what_a_fork_refuses_is_one_line_each(drill_bag, tmp_path, rpud):
     words = ("--commands", tmp_path / "file.yaml", "--out", tmp_path / "fork")
     code, _, err = rpud("fork", drill_bag, "--at", "0.1", *words)
     assert code == 0
-    assert err.startswith(f"rpud fork: refused at 0.11 s: {tmp_path / 'file.yaml'}:1: hard_rock")
+    assert err.startswith(f"rpud fork: rejected at 0.11 s: {tmp_path / 'file.yaml'}:1: hard_rock")
 
 
 def test_a_warning_of_a_bag_is_one_line_and_no_failure(tmp_path, rpud):

@@ -118,7 +118,7 @@ def test_in_80_columns_all_that_matters_is_there():
         assert word in long
     text = live_text(drill.report(200 * MILLISECOND, **refused), 80)
     assert len(text) < 80
-    for word in ("123 N", "/s", "mm", "hard_rock +2", "123 refused"):
+    for word in ("123 N", "/s", "mm", "hard_rock +2", "123 rejected"):
         assert word in text
 
 
@@ -206,9 +206,9 @@ def test_the_summary_has_faults_depth_and_the_last_refusal(healthy):
     drill.run.apply(Inject(Fault("off", "wrench")))
     text = summary_text(report.figures, report, drill.simulation.faults.records)
     assert text.splitlines()[0].startswith("drilled 0.10 s: ")
-    assert "0 commands accepted, 1 refused, 0 messages dropped" in text
-    assert "2 requests refused" in text
-    assert r"last refusal: there is no fault 9\x1b to clear" in text
+    assert "0 commands accepted, 1 rejected, 0 messages dropped" in text
+    assert "2 requests rejected" in text
+    assert r"last rejection: there is no fault 9\x1b to clear" in text
     assert f"depth {QUANTITIES['depth'].text(report.status['depth'])}" in text
     assert "fault 1: hard_rock from 0.000 s to 0.100 s" in text
     assert text.endswith("fault 2: off on wrench from 0.100 s on")

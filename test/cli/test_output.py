@@ -1,11 +1,13 @@
 """Tables are aligned; progress is a bar on a terminal, and a line every ten seconds elsewhere."""
 
 import io
+import shutil
 import sys
 import time
 
 import pytest
 
+import rpud_sim.bag
 from rpud_sim.cli.program import progress_bar
 from rpud_sim.foundation.terminal import table
 
@@ -72,3 +74,14 @@ def test_elsewhere_a_line_is_written_every_ten_seconds(screen, advance):
 
 def test_a_table_is_aligned_after_escaping():
     assert table(("name", "n"), [("\x1b", 10)], left=1) == ["name   n", "\\x1b  10"]
+
+
+def test_force_replaces_a_bag_and_keeps_it_if_the_command_fails(drill_bag, tmp_path, rpud):
+    bag = tmp_path / "bag"
+    shutil.copytree(drill_bag, bag)
+    before = sorted(path.name for path in bag.iterdir())
+    assert rpud("fork", drill_bag, "--at", "9", "--out", bag, "--force")[0] == 1
+    assert sorted(path.name for path in bag.iterdir()) == before
+    assert rpud("simulate", "--duration", "0.1", "--bag", bag, "--force")[0] == 0
+    assert rpud_sim.bag.open(bag).duration < 0.2e9
+    assert list(tmp_path.iterdir()) == [bag]

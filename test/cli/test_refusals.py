@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 EXPORT = "export talk --out out"
 REBUILD = "export drill --out out"
 COMPARE = "compare drill drill"
-TAKEN = "exists already; nothing is overwritten"
+TAKEN = "exists already; --force replaces it"
 
 
 @pytest.mark.parametrize(
@@ -62,9 +62,10 @@ TAKEN = "exists already; nothing is overwritten"
         (f"{REBUILD} --rate 10 --start 5", 1, "--start = 5 s is not in the 0."),
         (f"{REBUILD} --rate 10 --topics /a", 1, "drill holds no trajectory named /a; "),
         ("recover none --out out", 1, "there is no bag at none"),
-        ("recover talk --out taken", 1, "{folder}/taken exists already; a bag is never over"),
-        ("recover notes.mcap --out out", 1, "notes.mcap holds nothing of an MCAP file"),
+        ("recover talk --out taken", 1, f"taken {TAKEN}"),
+        ("recover notes.mcap --out out", 1, "notes.mcap has no part of an MCAP file"),
         ("report talk --out notes.mcap", 1, f"notes.mcap {TAKEN}"),
+        ("report talk --out taken --force", 1, "taken is not a folder of rpud"),
         ("report talk --namespace /b", 1, "the bag holds no drill /b"),
         ("verify no_journal", 1, "no_journal holds no journal; record the topic journal, or all"),
         ("verify", 2, "the following arguments are required: BAG"),

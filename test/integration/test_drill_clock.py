@@ -76,7 +76,7 @@ def test_it_goes_and_stands_with_the_clock_and_restarts_when_that_goes_back(dril
     assert (len(planes), timings[-1].lag) == (count, 0.0)
     for refused in (client.set_state(SimulationState.STATE_PAUSED), client.reset()):
         assert refused.result == Result.RESULT_FEATURE_UNSUPPORTED
-        assert refused.error_message.startswith("the time is that of /clock")
+        assert refused.error_message.startswith("the time comes from /clock")
 
     # It goes on where it stood, and restarts when the clock goes back.
     source.run(SECOND // 2)

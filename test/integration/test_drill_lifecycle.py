@@ -111,7 +111,7 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
 @pytest.mark.parametrize("transition", [ACTIVATE, 77])
 def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, transition):
     assert not client.change(transition)
-    drill.wait_for_line("request refused: the state unconfigured has no transition ")
+    drill.wait_for_line("request rejected: the state unconfigured has no transition ")
     assert state_of(client) == "unconfigured"
     assert drill.running
 

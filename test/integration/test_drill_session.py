@@ -52,7 +52,7 @@ def test_it_shows_rate_and_forces_and_ends_with_a_summary_and_the_bag(session):
     assert lines[0].startswith("recorded ")
     assert "drilled 2.00 s: " in output
     assert "impacts/s  peak force " in output
-    assert "deadlines missed, 0 commands accepted, 0 refused, 0 messages dropped" in output
+    assert "deadlines missed, 0 commands accepted, 0 rejected, 0 messages dropped" in output
     assert lines[-1] == f"bag: {path}"
     live = [line for line in errors.splitlines() if "reacting force" in line]
     assert live, errors
@@ -138,7 +138,7 @@ def has_ended(pid: str) -> bool:
 @pytest.mark.parametrize(
     ("number", "complaint"),
     [
-        (signal.SIGKILL, "rpud run: the recorder was ended by signal 9; its bag is torn"),
+        (signal.SIGKILL, "rpud run: the recorder was ended by signal 9; its bag is truncated"),
         (signal.SIGTERM, "rpud run: the recorder was stopped before the drill"),
     ],
 )

@@ -91,8 +91,8 @@ def test_services_pause_go_on_and_split(process, talker, connect, tmp_path):
     ask("toggle_paused")
     recorder.interrupt()
     assert recorder.wait() == 0
-    said = re.findall(r": (paused|resumed|goes on in a new file)", recorder.output)
-    assert said == ["resumed", "goes on in a new file", "paused", "resumed", "paused"]
+    said = re.findall(r": (paused|resumed|continues in a new file)", recorder.output)
+    assert said == ["resumed", "continues in a new file", "paused", "resumed", "paused"]
     recorded = sequences(tmp_path / "run")
     assert recorded[0] > 0
     assert recorded == sorted(set(recorded))

@@ -78,12 +78,21 @@ def test_faults_are_injected_listed_and_cleared(rpud, fresh):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["press", "-5"], "rpud press: the drill refuses: weight_on_bit = -5 N is outside its ra"),
-        (["inject", "noise"], "rpud inject: the drill refuses: channel of noise = '' is not one"),
-        (["clear", "7"], "rpud clear: the drill refuses: there is no fault 7 to clear"),
-        (["clear", "noise"], "rpud clear: the drill refuses: no fault is active"),
-        (["step", "0"], "rpud step: the drill refuses: step = 0 s is outside its range (0, "),
-        (["set", "gravty=1"], "rpud set: the drill refuses: parameter 'gravty' is unknown; did "),
+        (
+            ["press", "-5"],
+            "rpud press: the drill rejects it: weight_on_bit = -5 N is outside its ra",
+        ),
+        (
+            ["inject", "noise"],
+            "rpud inject: the drill rejects it: channel of noise = '' is not one",
+        ),
+        (["clear", "7"], "rpud clear: the drill rejects it: there is no fault 7 to clear"),
+        (["clear", "noise"], "rpud clear: the drill rejects it: no fault is active"),
+        (["step", "0"], "rpud step: the drill rejects it: step = 0 s is outside its range (0, "),
+        (
+            ["set", "gravty=1"],
+            "rpud set: the drill rejects it: parameter 'gravty' is unknown; did ",
+        ),
         (
             ["echo", "reacting_force", "--count", "2", "--duration", "0.1"],
             "rpud echo: 0 of 2 messages on /shell/reacting_force within 0.1 s",

@@ -86,7 +86,7 @@ def test_a_fifo_a_link_and_what_cannot_be_unpickled_are_not_read(store, tmp_path
     file.unlink()
     os.mkfifo(file)
     assert store.read(NAME) is None
-    assert store.refused == f"{file} is not used, because it is no regular file"
+    assert store.refused == f"{file} is not used, because it is not a regular file"
     file.unlink()
     store.write(NAME, b"cbuiltins\nint\n(S'x'\ntR.")
     assert store.read(NAME) is None

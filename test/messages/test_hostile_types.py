@@ -70,7 +70,7 @@ ARRAYS = "".join(f"{SEPARATOR}\nMSG: a_msgs/N{n}\nN{n + 1}[99] next\n" for n in 
     ids=range(4),
 )
 def test_a_type_of_countless_members_is_refused_unvisited(definition):
-    with pytest.raises(BagFormatError, match="fields with those of its members; at most 100000"):
+    with pytest.raises(BagFormatError, match="fields, including its members'; at most 100000"):
         Codec("a_msgs/msg/N0", definition)
 
 

@@ -186,7 +186,7 @@ def test_own_commands_replace_the_recorded_ones(used, tmp_path):
     with_rock = "rock_model" in manifest_of(tmp_path / "fork").parameters
     assert with_rock
     refused = [w for w in forked.warnings if "hard_rock" in w]
-    assert all(w.startswith("refused at 0.03 s: ") for w in refused)
+    assert all(w.startswith("rejected at 0.03 s: ") for w in refused)
     assert verify(tmp_path / "fork").proved
 
 
@@ -242,7 +242,7 @@ def test_a_later_one_is_refused_as_a_node_would(plain, tmp_path):
     (tmp_path / "f.yaml").write_text("faults: [{kind: noise, channel: wrench, onset: 0.1}]")
     forked = write_fork(plain, tmp_path / "fork", 0.15, None, read_commands(tmp_path / "f.yaml"))
     assert forked.warnings == (
-        f"refused at 0.25 s: {tmp_path / 'f.yaml'}:1: noise on wrench is already there as fault "
+        f"rejected at 0.25 s: {tmp_path / 'f.yaml'}:1: noise on wrench is already there as fault "
         + forked.warnings[0].rpartition(" ")[2],
     )
     assert verify(tmp_path / "fork").proved

@@ -120,7 +120,7 @@ def test_a_lost_worker_costs_its_own_rows():
         ({}, {"seeds": 0}, "seeds = 0 is outside its range"),
         ({}, {"duration": -1}, "duration = -1 s is outside"),
         ([], {}, "there are none"),
-        (5, {}, "points = 5 are no mappings"),
+        (5, {}, "points = 5 are not mappings"),
     ],
 )
 def test_what_cannot_be_used_is_one_line_before_anything_runs(points, words, text):

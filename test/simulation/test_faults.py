@@ -49,7 +49,7 @@ def test_a_magnitude_that_is_left_open_is_the_default_or_none(kind):
             assert 0.0 < abs(fault.magnitude) < math.inf
             # Zero is a magnitude of its own for those that it does something to.
             takes_zero = kind in ("restitution_loss", "wrong")
-            assert ("NaN stands for the default" in zero) != takes_zero
+            assert ("NaN means the default" in zero) != takes_zero
             assert not (takes_zero and refusal(Fault, kind, channel, 1e-300))
 
 
@@ -63,11 +63,14 @@ def test_a_magnitude_that_is_left_open_is_the_default_or_none(kind):
             "wrench, contact_force, rotation, mount (did you mean wrench?)",
         ),
         (("choking", "wrench"), "choking is a fault of the drill and has no channel, given 'wr"),
-        *((("noise", each), f"noise on {each} is refused: it is the gro") for each in GROUND_TRUTH),
+        *(
+            (("noise", each), f"noise on {each} is rejected: it is the gro")
+            for each in GROUND_TRUTH
+        ),
         (
             ("noise", "nodal_plane", -1.0),
             "magnitude of noise on nodal_plane = -1 m is outside its range (0, 1e+06] m; "
-            "NaN stands for the default 0.0001 m",
+            "NaN means the default 0.0001 m",
         ),
         (("bias", "wrench", 0.0), "magnitude of bias on wrench = 0 would change nothing; NaN "),
     ],

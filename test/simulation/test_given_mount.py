@@ -135,7 +135,7 @@ def test_the_journal_has_each_sample_once_and_repeats_it():
     ]
     kind, content = journal_form(actions[0])
     for wrong in (0.5, "0", None, 1 << 63, -(1 << 63)):
-        with pytest.raises(ValueError, match="is no time"):
+        with pytest.raises(ValueError, match="is not a time"):
             action_of(kind, {**content, "sampled": wrong})
 
 

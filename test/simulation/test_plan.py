@@ -44,11 +44,11 @@ BEGIN = Beginning(to_settings({"regime": "free"})).to_journal()
     ("kind", "time", "content", "reason"),
     [
         ("explode", 5, {}, "there is no such kind"),
-        ("stop", 4, {}, "before that of the one before it"),
+        ("stop", 4, {}, "before the previous entry's time"),
         ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
         ("weight_on_bit", 5, {}, "it has no 'force'"),
         ("begin", 5, BEGIN, "there is no such kind"),
-        ("inject", 5, {"fault": {"kind": "lost_preload"}, "duration": 1.5}, "1.5 is no time"),
+        ("inject", 5, {"fault": {"kind": "lost_preload"}, "duration": 1.5}, "1.5 is not a time"),
     ],
 )
 def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
@@ -68,7 +68,7 @@ def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
         ({**BEGIN, "seed": 1e308}, "seed = 1e"),
         (
             {**BEGIN, "faults": [{**vars(Fault("off", "wrench")), "onset": 0.5, "clear": None}]},
-            "0.5 is no time",
+            "0.5 is not a time",
         ),
     ],
 )

@@ -248,7 +248,7 @@ def test_a_failure_counts_refused_commands_and_has_the_reason_of_the_last(drill)
     for force in (-1.0, -2.0):
         with pytest.raises(RefusedError):
             drill.press(force)
-    assert drill.refusals == f"2 commands refused, the last: {reason}"
+    assert drill.refusals == f"2 commands rejected, the last: {reason}"
     drill.step(0.1)
     for fail in (
         lambda: drill.step_until(lambda: False, timeout=0.1),
@@ -261,7 +261,7 @@ def test_a_failure_counts_refused_commands_and_has_the_reason_of_the_last(drill)
     assert drill.refusals == ""
     with pytest.raises(RefusedError):
         drill.press(-2.0)
-    assert drill.refusals == f"1 command refused, the last: {reason}"
+    assert drill.refusals == f"1 command rejected, the last: {reason}"
 
 
 @pytest.mark.rpud(seed=3, faults=[{"kind": "free_mass_jammed", "onset": 0.2}], weight_on_bit=20.0)

@@ -14,7 +14,7 @@ from frame_reader import decode
 pytest_plugins = ["pytester"]
 
 SUPERVISOR = Path(__file__).parents[1].joinpath("helpers", "supervisor.py").read_text()
-REFUSED = "1 command refused, the last: weight_on_bit = -1 N is outside its range [[]0, 1000] N"
+REFUSED = "1 command rejected, the last: weight_on_bit = -1 N is outside its range [[]0, 1000] N"
 HEAVY = ("rclpy", "numba", "numpy", "tornado", "rpud_sim.ros", "rpud_sim.simulation")
 
 

@@ -46,7 +46,7 @@ def test_a_kind_alone_begins_at_once(faults):
     [
         ({"weight_on_bit": -3.0}, "weight_on_bit = -3 N is outside its range"),
         ({"config": "a" * 5000}, "config = 'aaaaa"),
-        ({"config": "nowhere.yaml"}, "config = 'nowhere.yaml' is no file"),
+        ({"config": "nowhere.yaml"}, "config = 'nowhere.yaml' is not a file"),
         ({"config": 3}, "config = 3 is not a path"),
         ({"faults": "free_mass_jamed"}, "did you mean free_mass_jammed?"),
         ({"publish_clock": True}, "publish_clock cannot be set: a drill of a test runs in lock"),

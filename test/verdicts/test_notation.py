@@ -154,13 +154,13 @@ REFUSED = {
     "status.actuator_temperature < 333 K": "actuator_temperature is in degC, given 333 K",
     "reacting_force.force < 45 n": "unit 'n' is unknown; did you mean N?",
     "status.impacts < 45 N": "status.impacts is a number without a unit, given 45 N",
-    "reacting_force.force < .inf N": "is no comparison of reacting_force.force",
+    "reacting_force.force < .inf N": "is not a comparison of reacting_force.force",
     "reacting_force.force is high": "reacting_force.force is a number: compare it with ==",
-    "status.state == 3": "status.state is no number: write status.state is WORD",
+    "status.state == 3": "status.state is not a number: write status.state is WORD",
     "drill_tool.in_contact is maybe": "drill_tool.in_contact is true or false, given 'maybe'",
     "joint_states.position < 3 mm": "has many values; name one of them, as position[0]",
     "faults.faults < 3": "is a list of messages, not a signal; use fault, onset or cleared",
-    "nonsense": "is no comparison, as reacting_force.force < 45 N",
+    "nonsense": "is not a comparison, as reacting_force.force < 45 N",
     "{fault: free_mass_jamed}": "did you mean free_mass_jammed?",
     "{fault: noise}": "channel of noise = '' is not one of",
     "{allways: status.impacts > 3}": "'allways' begins no formula; did you mean always?",
@@ -219,9 +219,11 @@ def test_a_file_of_another_form_is_refused(tmp_path, content, complaint):
 
 
 def test_a_signal_compared_as_a_value_is_no_formula():
-    with pytest.raises(ExpectationError, match="False is no formula; compare a signal by <"):
+    with pytest.raises(ExpectationError, match="False is not a formula; compare by <"):
         Expectation("it", always(WEIGHT == 0))
-    with pytest.raises(ExpectationError, match=r"^signal\('status.weight_on_bit'\) is no formula"):
+    with pytest.raises(
+        ExpectationError, match=r"^signal\('status.weight_on_bit'\) is not a formula"
+    ):
         Expectation("it", always(WEIGHT))
 
 

@@ -253,7 +253,7 @@ def test_refusals_stand_at_their_time_and_not_in_the_run_after_them():
     log = history.log()["log"]
     assert [(line["time"], line["text"]) for line in log] == [
         (0.0, "a run begins"),
-        (2.0, "refused: new"),
+        (2.0, "rejected: new"),
     ]
 
 

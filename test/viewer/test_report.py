@@ -59,7 +59,7 @@ def table(frame, title):
 def test_segments_lie_between_commands_and_faults(frame, bag):
     segments = table(frame, "segments")
     assert [each["begin [s]"] for each in segments] == ["0.000", "0.500", "1.000", "1.500"]
-    assert ["20 N" in each["commands in force"] for each in segments] == [False, True, True, True]
+    assert ["20 N" in each["active commands"] for each in segments] == [False, True, True, True]
     assert [each["active faults"] for each in segments] == [
         *("none", "none", "free mass jammed", "none")
     ]

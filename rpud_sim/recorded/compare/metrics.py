@@ -1,6 +1,6 @@
 """Metrics of a recorded run, and their differences between two runs with intervals.
 
-Impacts that follow each other depend on each other, so the spread of single values says too little
+Impacts that follow each other depend on each other, so the spread of single values is too small
 of the error of their mean. Metrics of equal parts of the time hardly depend on each other: the
 error of a metric comes from their spread (batch means; for quantiles, sectioning).
 """

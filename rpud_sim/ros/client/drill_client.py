@@ -81,7 +81,7 @@ class DrillClient(ListeningNode):
             drill.step(0.5)
             print(drill.status.impacts)
 
-    A command returns when the drill has accepted it; a refusal is a ``RefusedError`` with the
+    A command returns when the drill has accepted it; a rejection is a ``RefusedError`` with the
     drill's reason. Messages are taken while a method waits: use it from one thread.
     ``patience`` is in s.
     """
@@ -107,7 +107,7 @@ class DrillClient(ListeningNode):
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
-    # What the drill is and says.
+    # What the drill is and reports.
 
     @property
     def namespace(self) -> str:
@@ -250,7 +250,7 @@ class DrillClient(ListeningNode):
     def engage(self, on: bool = True) -> None:
         self._ask("engage", SetBool.Request(data=_ON.check("engage", on)), repeat=True)
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
-        self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
+        self.until(lambda: self.status.regime == regime, what=f"no status reported {regime}")
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill, all of them or none."""
@@ -370,8 +370,8 @@ class DrillClient(ListeningNode):
     def _set_state(self, state: int, name: str) -> None:
         request = srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
         self._ask("simulation/set_state", request, repeat=True)
-        states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
-        self.until(lambda: self.status.state in states, what=f"no status said {name}")
+        states = (name, Status.STATE_INACTIVE)  # which does not depend on its time
+        self.until(lambda: self.status.state in states, what=f"no status reported {name}")
 
     def _advance(self, name: str, request: Any) -> Any:
         """Call a service that advances the drill, and return its response, whose status counts."""
@@ -429,7 +429,7 @@ class DrillClient(ListeningNode):
 
         def is_alone() -> bool:
             names = self.publishers
-            # The middleware remembers a killed drill for 20 s. Only numbers of living ones go on.
+            # The middleware remembers a killed drill for 20 s. Only numbers of living ones grow.
             if len(names) > 1 and any(after <= before for before, after in pairwise(self._numbers)):
                 raise NoDrillError(
                     f"{len(names)} nodes publish {self.node.resolve_topic_name('status')} "

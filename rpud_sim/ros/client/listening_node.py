@@ -45,7 +45,7 @@ class ClientError(ExpectedError, RuntimeError):
 
 
 class RefusedError(ClientError):
-    """Refusal of the drill, with its reason; ``result`` is a number of ``rpud_msgs/Result``."""
+    """Rejection of the drill, with its reason; ``result`` is a number of ``rpud_msgs/Result``."""
 
     def __init__(self, reason: str, result: int | None = None) -> None:
         super().__init__(reason)
@@ -203,7 +203,7 @@ def drill_nodes(node: Node) -> list[str]:
 
 
 def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str:
-    """Return one line that says that there is no drill in a namespace, and where there are some."""
+    """Return the line of an error: no drill in a namespace, and where there are some."""
     others = [each for each in drill_namespaces(node) if each != namespace]
     where = "there is none in the whole domain: `rpud run` starts one, or its ROS_DOMAIN_ID differs"
     if others:
@@ -244,7 +244,7 @@ class ServiceCaller:
             self.wait_until_discovered()
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
-        """Call a service, again and again with ``repeat``; a refusal is a RefusedError."""
+        """Call a service, again and again with ``repeat``; a rejection is a RefusedError."""
         response = self._answer(self._clients[name], request, repeat)
         result = getattr(response, "result", response)
         if isinstance(result, msg.Result):
@@ -254,7 +254,7 @@ class ServiceCaller:
             if not result.successful:
                 raise RefusedError(result.reason)
         elif not getattr(result, "success", True):
-            raise RefusedError(getattr(result, "message", "the log of the drill says why"))
+            raise RefusedError(getattr(result, "message", "see the log of the drill"))
         return response
 
     def wait_until_discovered(self, patience: float | None = None) -> None:

@@ -128,7 +128,7 @@ def result_of(kind: str, header: Header | None = None) -> Fields:
 class Inbox:
     """Queue of commands, and their results; any thread may use it.
 
-    ``notify`` is called when a command is accepted or refused. Results are those of ``result_of``.
+    ``notify`` is called when a command is accepted or rejected. Results are those of ``result_of``.
     """
 
     def __init__(self, logger: RcutilsLogger, notify: Callable[[], None] = lambda: None) -> None:
@@ -153,10 +153,10 @@ class Inbox:
                 result["reason"] = "the drill began again before it could act"
                 self._results.append(result)
             self.accepted = 0  # commands that acted, since the start
-            self.rejected = 0  # commands that were refused
+            self.rejected = 0  # commands that were rejected
             self.discarded = len(self._waiting)  # commands that were overwritten before they acted
             self.requests_refused = 0  # requests of services
-            self.last_refusal = ""  # why the latest command or request was refused
+            self.last_refusal = ""  # why the latest command or request was rejected
             self._waiting.clear()
 
     def accept(self, command: Command, result: Fields, arrived: int | None = None) -> None:
@@ -181,7 +181,7 @@ class Inbox:
         self.notify()
 
     def refuse_request(self, reason: str) -> None:
-        """Count a service's request that is refused, and log why."""
+        """Count a service's request that is rejected, and log why."""
         with self._counting:
             self.requests_refused += 1
             self._log("request", cut(reason))
@@ -241,7 +241,7 @@ class Inbox:
         self._logged = self._logged + 1 if second == self._second else 1
         self._second = second
         if self._logged <= _LOGGED_PER_SECOND:
-            self._logger.warning(f"{what} refused: {reason}")
+            self._logger.warning(f"{what} rejected: {reason}")
         elif self._logged == _LOGGED_PER_SECOND + 1:
             self._logger.warning("further rejections in this second are counted but not logged")
 

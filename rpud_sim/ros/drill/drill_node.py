@@ -51,7 +51,7 @@ _DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's su
 class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself by default.
 
-    Simulation time begins when it is first activated, or where a ``plan`` goes on live. It ends
+    Simulation time begins when it is first activated, or where a ``plan`` continues live. It ends
     after ``duration`` [s] or when the node is cleaned up.
     """
 
@@ -168,7 +168,7 @@ class DrillNode(ManagedNode):
 
     @log_exceptions
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Make drive and weight on bit zero; the drill goes on without them."""
+        """Make drive and weight on bit zero; the drill continues without them."""
         self._inbox.opened = False
         self._let_commands_act(False)
         return TransitionCallbackReturn.SUCCESS
@@ -230,7 +230,7 @@ class DrillNode(ManagedNode):
 
 def _complete(trigger: Callable[[], TransitionCallbackReturn]) -> None:
     if trigger() != TransitionCallbackReturn.SUCCESS:
-        raise RuntimeError("the drill cannot be started; the log says why")
+        raise RuntimeError("the drill cannot be started; see its log")
 
 
 def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:

@@ -36,8 +36,8 @@ STALLED_SHARE = 0.05
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
-CHANGE_PERIOD = 0.05  # of reports that commands cause while time goes on, at least [s]
-_BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
+CHANGE_PERIOD = 0.05  # of reports that commands cause while time continues, at least [s]
+_BATCH_SIZE = 20  # blocks that are counted together: one by one would take most of the time
 # Topics that command the same: two publishers on one line are a mistake.
 _COMMAND_TOPICS = (
     ("command/weight_on_bit",),
@@ -58,13 +58,12 @@ class Report(NamedTuple):
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     requests_refused: int  # of services, since the start
-    last_refusal: str  # why the latest command or request was refused
+    last_refusal: str  # why the latest command or request was rejected
 
 
 _TIMING = ("real_time_factor", "lateness_max", "lag", "deadlines_missed")  # that a pacer measures
 
-# What each entry of the diagnostics shows, where there is such a value.
-_SHOWN = {
+KEYS = {
     "timing": (
         "real_time_factor, blocks, deadlines_missed, lateness [s], lateness_max [s], "
         "lateness_p50 [s], lateness_p99 [s], lateness_p99.9 [s], lag [s], impact_delay_p50 [s], "
@@ -83,6 +82,7 @@ _SHOWN = {
     ),
     "messages": "messages_dropped, journal_dropped",
 }
+"""Keys of each entry of /diagnostics; a value that does not exist is left out."""
 
 
 def diagnose(run: Run, values: Fields, period: float) -> list[Fields]:
@@ -106,7 +106,7 @@ def diagnose(run: Run, values: Fields, period: float) -> list[Fields]:
                 if (value := values.get(key.partition(" ")[0])) is not None and value == value
             ],
         }
-        for part, keys in _SHOWN.items()
+        for part, keys in KEYS.items()
     ]
 
 
@@ -128,10 +128,15 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
         ("timing", _ERROR, lag > LAG_ERROR, f"simulation time lags {lag:.3f} s behind"),
         ("timing", _WARN, late > period, f"a block was {late:.3f} s late"),
         ("timing", _OK, True, "on time"),
-        ("commands", _ERROR, values["commands_lost"], "commands are lost: the drill is made safe"),
+        (
+            "commands",
+            _ERROR,
+            values["commands_lost"],
+            "commands are lost: drive and weight on bit are ramped to zero",
+        ),
         ("commands", _WARN, discarded, f"{discarded} discarded"),
         ("commands", _WARN, commanders > 1, f"{commanders} publishers send commands"),
-        ("commands", _OK, True, f"{values['commands_rejected']} refused"),
+        ("commands", _OK, True, f"{values['commands_rejected']} rejected"),
         ("drill", _WARN, duplicates, f"{duplicates + 1} nodes have this name"),
         (
             *("drill", _WARN, amplitude < STALLED_SHARE * unloaded),
@@ -216,7 +221,7 @@ class StatusReporter:
         self._due = 0
 
     def refused_more(self) -> bool:
-        """Whether commands were refused or discarded since the last report."""
+        """Whether commands were rejected or discarded since the last report."""
         return self.last is not None and (
             self._inbox.rejected != self.last.status["commands_rejected"]
             or self._inbox.discarded != self.last.status["commands_discarded"]

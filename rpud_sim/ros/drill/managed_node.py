@@ -109,10 +109,10 @@ class ManagedNode(LifecycleNode):
 
     def refuse_request(self, reason: str) -> None:
         """Log why a client's request to set a parameter or to change the state is rejected."""
-        self.get_logger().warning(f"request refused: {reason}")
+        self.get_logger().warning(f"request rejected: {reason}")
 
     def _set_parameters(self, request: Any, response: Any) -> Any:
-        """Set parameters as rclpy does, but name the one that is refused, whatever its type."""
+        """Set parameters as rclpy does, but name the one that is rejected, whatever its type."""
         if isinstance(request, SetParameters.Request):
             response.results = [self._set_together([each]) for each in request.parameters]
         else:
@@ -130,7 +130,7 @@ class ManagedNode(LifecycleNode):
         return result
 
     def _change(self, message: ParameterMessage) -> Parameter | None:
-        """Return what is to be set, None for the present value of what is read-only.
+        """Return what is to be set, None for the current value of what is read-only.
 
         A whole number, and a text such as 1e-06, becomes a number where one is expected, and a
         number without a fraction a whole one.
@@ -163,7 +163,7 @@ class ManagedNode(LifecycleNode):
             raise ParameterError(f"{name} is of another type: {types}")
         return given
 
-    # rclpy lets RCLError out of the executor when a client asks for a transition that the present
+    # rclpy lets RCLError out of the executor when a client asks for a transition that the current
     # state does not have: the node would end, and the client wait for ever. This name is how Python
     # calls the private method of its mixin.
     def _LifecycleNodeMixin__on_change_state(  # noqa: N802
@@ -197,7 +197,7 @@ def log_exceptions(transition: Transition[Managed]) -> Transition[Managed]:
 class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
-    ``changed`` is called with new settings; ``fixed`` says why those that need a reset must stay.
+    ``changed`` is called with new settings; ``fixed`` explains why some settings need a reset.
     ``words`` are the arguments of ROS that the node is started with.
     """
 
@@ -229,7 +229,7 @@ class DrillParameters:
         fixed = self._fixed()
         reason = ""
         for name in values if fixed else ():
-            # The present value is no change: a dump of these parameters may be loaded.
+            # The current value is not a change: a dump of these parameters may be loaded.
             if name in _FIXED and self._differs(name, values):
                 reason = f"{name} {fixed}{_COMMANDED.get(name, '').format(values[name])}"
         try:
@@ -260,7 +260,7 @@ def declare_settings(node: Node, words: Sequence[str] = ()) -> Settings:
     pairs = list(pairwise(words))
     paths = [each for word, each in pairs if word == "--params-file"]
     rules = [each.partition(":=") for word, each in pairs if word in ("-p", "--param")]
-    # What a file has for others is no parameter of the drill; what is given by name must be one.
+    # What a file has for others is not a parameter of the drill; what is given by name must be one.
     known = {*PARAMETERS, *(target.rpartition(":")[2] for target, _, _ in rules)}
     values = {
         name: override.value

@@ -31,7 +31,7 @@ def take_turn(session: Session) -> float:
         return session.publish_clock_at_standstill()
     session.publishers.look()
     if timeline.source.follows:
-        session.act()  # what came while another's clock stood acts from there on
+        session.act()  # what came while another's clock was stopped acts from there on
     until = session.next_end
     if timeline.playing and (idle := pacer.idle(until)) > 0.0:
         session.report_if_due()
@@ -119,7 +119,7 @@ class PacingLoop:
         self.wake()
 
     def _run(self, session: Session, requests: Requests) -> None:
-        # Any error must end the process too, or it would go on in silence.
+        # Any error must end the process too, or it would continue in silence.
         try:
             session.start_time(self._stop, requests.serve)
             while not (self._stop.is_set() or session.finished):

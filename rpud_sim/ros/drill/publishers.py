@@ -175,7 +175,7 @@ class DrillPublishers:
     def publish_deferred(self, has_time: Callable[[], bool]) -> None:
         """Publish messages without a deadline, part by part while there is time.
 
-        Without it the oldest of two streams goes on by a part, and of three it is finished.
+        Without it the oldest of two streams continues by a part, and of three it is finished.
         """
         if len(self._deferred) > 1:
             self._publish_part()
@@ -234,7 +234,7 @@ class JournalStore:
         self.count = 0  # entries so far
         self._lock = threading.Lock()
         self._pages: deque[bytes] = deque(maxlen=most // _PAGE)
-        self._newest: Entries = []  # that are no page yet
+        self._newest: Entries = []  # not compressed yet
 
     @property
     def first_kept(self) -> int:

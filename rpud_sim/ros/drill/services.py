@@ -285,7 +285,7 @@ def _state_of(session: Session) -> int:
 
 def _check_own_time(session: Session, verb: str) -> None:
     if session.timeline.source.follows:
-        raise _unsupported(f"the time is that of /clock: {verb} its source")
+        raise _unsupported(f"the time comes from /clock: {verb} its source")
 
 
 def _unsupported(reason: str) -> RequestError:
@@ -293,7 +293,7 @@ def _unsupported(reason: str) -> RequestError:
 
 
 class DeliveryServer:
-    """Service that says what the drill has published, and who has discovered it; made last."""
+    """Service that shows what the drill has published, and who has discovered it; made last."""
 
     def __init__(self, node: ManagedNode, loop: PacingLoop) -> None:
         self._node = node

@@ -31,7 +31,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import offered_topics
 
 _PART = 0.0002  # that a part of the work without a deadline takes [s]
-_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
+_STANDSTILL_PERIOD = 0.1  # of /clock while time is paused [s]
 _STEP_PART = SECOND // 10  # of a step with subscribers: commands act between two parts [ns]
 
 
@@ -39,7 +39,7 @@ class Session:
     """Run of the drill under commands, and those after resets; their timeline and messages.
 
     From ``begin`` on every method is for the pacing loop; any thread may read the attributes.
-    The run begins at time zero, or where a ``plan`` goes on live, and is over at ``end`` [ns].
+    The run begins at time zero, or where a ``plan`` continues live, and is over at ``end`` [ns].
     ``restored`` is called with the settings that a reset restored.
     """
 
@@ -53,17 +53,17 @@ class Session:
         end: int = sys.maxsize,
         plan: Plan | None = None,
     ) -> None:
-        self.settings = self._first_settings = settings  # in force
+        self.settings = self._first_settings = settings  # active
         self._seed: int | None = None  # that a reset gave
         self._journal: Journal | None = None  # from ``begin`` on
         self._inbox = inbox
         self._restored = restored
         self._end = end
         self._plan = plan
-        self._computing = False  # whether a run is on its way to where its plan goes on live
+        self._computing = False  # whether a run is on its way to where its plan continues live
         self._unreported = False  # whether the status lacks changes
         self._lost = False  # whether commands were lost when they acted last
-        self._shuffle = 0  # seed of the order among topics in the present step; 0 for their times
+        self._shuffle = 0  # seed of the order among topics in the current step; 0 for their times
         self._clock_due = 0.0
         self._logger = node.get_logger()
         offered = offered_topics(settings.values())
@@ -83,7 +83,7 @@ class Session:
 
     @property
     def stamp(self) -> int:
-        """Stamp of the present simulation time [ns]."""
+        """Stamp of the current simulation time [ns]."""
         return self.run.origin + self.run.time
 
     @property
@@ -243,10 +243,10 @@ class Session:
             timeline.reach(Reached(self.stamp, self.publishers.published, status, failure))
 
     def report(self, state: str = "", *, waits: bool = False) -> None:
-        """Publish changes and the status, in the present state or another one.
+        """Publish changes and the status, in the current state or another one.
 
         With ``waits`` the journal's entries are not published yet: at a standstill more commands
-        may come for the same time, and their order shall not depend on which arrives first.
+        may come for the same time, and their order must not depend on which arrives first.
         """
         self._unreported = False
         if not waits:
@@ -262,12 +262,12 @@ class Session:
     # What services and parameters do.
 
     def halt(self) -> None:
-        """Begin again and let time stand still."""
+        """Begin again and pause time."""
         self.reset(time=True, state=True)
         self.timeline.stop()
 
     def step(self, goal: int, shuffle: int = 0) -> Future[Reached]:
-        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError.
+        """Let a paused simulation continue to a simulation time [ns], or raise a ParameterError.
 
         Unless ``shuffle`` is 0, it draws the order of the messages on different topics.
         """
@@ -326,7 +326,7 @@ class Session:
         self.reporter.end_period()
 
     def _pace(self) -> None:
-        """Begin a schedule if time goes on by itself, hold it otherwise; report."""
+        """Begin a schedule if time continues by itself, hold it otherwise; report."""
         self.publish_deferred()
         punctual = self.timeline.pace(self.run.time, self.stamp, self.settings.real_time_factor)
         # Above real time it takes all that it can get, and others must get processor time.
@@ -334,7 +334,7 @@ class Session:
         self.report()
 
     def _flush(self, *, ends: bool = False) -> None:
-        """Publish what the streams still hold, to go on or at the end."""
+        """Publish what the streams still hold, to continue or at the end."""
         self.publish_deferred()
         # One by one: the journal's entry arrives before the short blocks that follow from it, or a
         # recorder that ends in between has blocks which nothing explains.
@@ -348,11 +348,13 @@ class Session:
             lambda topic: not self._computing and topic in self.publishers.wanted,
             active=active,
             on_block=self._count,
-            rejected=lambda change, error: self._logger.warning(f"planned change refused: {error}"),
+            rejected=lambda change, error: self._logger.warning(
+                f"planned change rejected: {error}"
+            ),
         )
 
     def _start_run(self, run: Run) -> None:
-        """Start the journal of a run, and compute it up to where its plan goes on live."""
+        """Start the journal of a run, and compute it up to where its plan continues live."""
         active = run.active
         run.begin()
         if self._plan is not None:
@@ -372,7 +374,7 @@ class Session:
             run.apply(Configure(changed))
 
     def _switch(self, run: Run, origin: int) -> None:
-        """Go on with a run at whose simulation time zero the stamp is ``origin`` [ns]."""
+        """Continue with a run at whose simulation time zero the stamp is ``origin`` [ns]."""
         self.run = run
         self.publishers.begin()
         self.timeline.pacer.reset()

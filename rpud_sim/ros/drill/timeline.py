@@ -1,4 +1,4 @@
-"""Timeline of the drill: its time plays, stands still or steps; its source, and deadlines."""
+"""Timeline of the drill: its time plays, pauses or steps; its source, and deadlines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rpud_sim.simulation.configuration import Settings
 
 INTERRUPTED = Result.RESULT_OPERATION_FAILED  # result of a step that ends before its goal
 LONGEST_STEP = 1e6  # [s]; longer than any mission
-# Between two ticks of another's ``/clock``, as far as its time goes on: more is another time [s].
+# Between two ticks of another's ``/clock``, as far as its time continues: more is another time [s].
 LONGEST_TICK = 10.0
 # Of another's ``/clock``: later stamps of the drill would not fit into messages [s].
 LATEST_TICK = 2**31 - 1 - LONGEST_STEP
@@ -224,7 +224,7 @@ class Pacer:
 
 
 class Timeline:
-    """Play, pause and steps of simulation time, and its schedule; it stands still at first."""
+    """Play, pause and steps of simulation time, and its schedule; it is paused at first."""
 
     def __init__(
         self,
@@ -233,9 +233,9 @@ class Timeline:
         notify: Callable[[], None],
         changed: Callable[[], None],
     ) -> None:
-        self.playing = False  # whether time goes on by itself
+        self.playing = False  # whether time continues by itself
         self.at_start = False  # whether it was stopped, and neither paused nor played since
-        self.goal: int | None = None  # simulation time at which the present step ends [ns]
+        self.goal: int | None = None  # simulation time at which the current step ends [ns]
         self.source = TimeSource(node, settings.publish_clock, notify)
         self.pacer = Pacer(settings.telemetry_rate, self.source.schedule)
         self._changed = changed
@@ -253,19 +253,19 @@ class Timeline:
         return "stopped" if self.at_start else "paused"
 
     def play(self) -> None:
-        """Let time go on by itself, from here on."""
+        """Let time continue by itself, from here on."""
         self._hold("the simulation was set to play", playing=True)
 
     def pause(self) -> None:
-        """Let time stand still."""
+        """Pause time."""
         self._hold("the simulation was paused")
 
     def stop(self) -> None:
-        """Let time stand still at its start."""
+        """Pause time at its start."""
         self._hold("the simulation was stopped", at_start=True)
 
     def check_step(self, time: int, goal: int) -> None:
-        """Raise a ParameterError unless paused time may go on to a goal [ns]."""
+        """Raise a ParameterError unless paused time may continue to a goal [ns]."""
         for holds, state in (
             (self.playing, "playing"),
             (self.at_start, "stopped"),
@@ -278,7 +278,7 @@ class Timeline:
             raise ParameterError(f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s")
 
     def step(self, goal: int) -> Future[Reached]:
-        """Let time go on to a goal [ns]; return its end, or a ``RequestError`` if interrupted."""
+        """Let time continue to a goal [ns]; return its end, or an interrupted step's error."""
         self.goal, self._step = goal, Future()
         return self._step
 

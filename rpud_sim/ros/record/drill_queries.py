@@ -105,13 +105,13 @@ class ParameterQuery:
 class JournalQuery:
     """Asks drills for the entries of their journals that the bag lacks, and records them.
 
-    They are missing if the recorder starts late, has stood still or was paused.
+    They are missing if the recorder starts late, has stalled or was paused.
     """
 
     def __init__(self, node: Recorder) -> None:
         self._node = node
         # By topic: the entry with the greatest number, and what came with each number. Publishing
-        # times do not tell a late entry from another start, as a clock may be set back.
+        # times do not distinguish a late entry from another start, as a clock may be set back.
         self._latest: dict[str, JournalEntry] = {}
         self._seen: dict[str, dict[int, int]] = {}
         self._asking: list[tuple[str, Steps]] = []  # topics, and the steps of asking

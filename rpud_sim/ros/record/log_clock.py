@@ -13,7 +13,7 @@ _STEP = 1_000_000  # by which a clock is set, and does not only drift [ns]
 
 
 class ReceptionTime:
-    """Times of the machine that go on where its clock is set back, by NTP or by hand.
+    """Times of the machine that continue where its clock is set back, by NTP or by hand.
 
     So messages have the order in which they came. The times agree with the clock again when it is
     set forward.
@@ -46,7 +46,7 @@ class LogClock:
     """Log times of messages by the times of their reception [ns].
 
     Messages wait until it is decided whose clock counts, and that one has a time. Where ``/clock``
-    goes back, as at a reset, log times go on from where they were: those of a bag never go back.
+    goes back, as at a reset, log times continue from where they were: those of a bag never go back.
     """
 
     def __init__(self) -> None:

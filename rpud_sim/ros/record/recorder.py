@@ -188,7 +188,7 @@ def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds:
 def _lost(name: str, losses: Losses) -> list[str]:
     known = {
         "on the way": losses.transport or 0,
-        "for which the queue (--max-cache-size) had no room": losses.queue,
+        "for which the queue (--max-cache-size) had no space": losses.queue,
         "damaged": losses.damaged,
     }
     causes = [f"{count} {what}" for what, count in known.items() if count]

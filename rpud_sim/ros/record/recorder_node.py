@@ -37,7 +37,7 @@ from rpud_sim.ros.record.writing import Intake
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 _DEPTH = 10_000
-_BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
+_BATCH_SIZE = 1000  # messages of one topic in one step, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
 _UNDECIDED = 0.2  # after the first message, in which a drill is found [s]
@@ -56,7 +56,7 @@ _ACTIONS: dict[str, Callable[[Intake], None]] = {
     "toggle_paused": lambda intake: intake.pause(not intake.paused),
     "split_bagfile": lambda intake: intake.do(BagWriter.split),
 }
-_TEXTS = {"split_bagfile": "goes on in a new file"}
+_TEXTS = {"split_bagfile": "continues in a new file"}
 
 
 class Recorder(Node):
@@ -170,7 +170,7 @@ class Recorder(Node):
             for topic in self.topics.values():
                 if topic.endpoints and topic.received_at < self._stood_still + _BACKLOG:
                     topic.renewals += 1
-                    self._renew(topic, "nothing arrived since the recorder stood still")
+                    self._renew(topic, "nothing arrived since the recorder stalled")
             self._stood_still = inf
         return len(self.topics) + len(self.skipped) > known
 
@@ -221,7 +221,7 @@ class Recorder(Node):
         sources = {node_name(each) for each in self.get_publishers_info_by_topic(CLOCK)}
         if found := sorted(filter(None, drills & sources)):
             self.clock.use_simulation()
-            self.get_logger().info(f"log times are those of {CLOCK}, which {found[0]} publishes")
+            self.get_logger().info(f"log times come from {CLOCK}, which {found[0]} publishes")
         elif self.taken:
             self._begun_at = min(self._begun_at, time.monotonic())
             if time.monotonic() >= self._begun_at + _UNDECIDED:

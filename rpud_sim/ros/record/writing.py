@@ -71,7 +71,7 @@ class Intake:
         self.do(lambda bag: bag.add_record(name, content))
 
     def do(self, action: Callable[[BagWriter], object]) -> None:
-        """Queue what else to do with the bag; there is always room for it."""
+        """Queue what else to do with the bag; there is always space for it."""
         self._items.put(action)
 
     def pause(self, paused: bool = True) -> None:
@@ -100,7 +100,7 @@ class Intake:
 class WritingThread(threading.Thread):
     """Writes what the intake has until its end, and flushes it to the disk in time.
 
-    ``on_end`` is called once at an error or a refusal.
+    ``on_end`` is called once at an error or a rejection.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class WritingThread(threading.Thread):
         self._clock = clock  # of the log times; None for that of the machine
         # why writing failed, None unless it did; the rest of the queue is left then
         self.error: Exception | None = None
-        # why there was no room for a message, empty unless that happened; neither that
+        # why there was no space for a message, empty unless that happened; neither that
         # message nor a later one is written then
         self.refusal = ""
         # for how long a message was in memory alone at most, by its log time [s]: more
@@ -135,7 +135,7 @@ class WritingThread(threading.Thread):
         """Write until the queue ends or an error occurs."""
         try:
             self._write()
-        except Exception as error:  # or the recorder would go on without a bag
+        except Exception as error:  # or the recorder would continue without a bag
             self.error = error
             self._on_end()
 
@@ -155,7 +155,7 @@ class WritingThread(threading.Thread):
 
     def _add(self, item: Item) -> None:
         if not isinstance(item, Message):
-            if not (self.refusal and item is BagWriter.split):  # a new file would need room, too
+            if not (self.refusal and item is BagWriter.split):  # a new file would need space, too
                 item(self._bag)
             return
         if not self.refusal:
@@ -169,7 +169,7 @@ class WritingThread(threading.Thread):
             self._bag.write(item.topic, item.data, logged, item.publish_time)
 
     def _refuse(self, size: int) -> str:
-        """Return why a message of this size [bytes] has no room, or ""."""
+        """Return why a message of this size [bytes] has no space, or ""."""
         if self._max_disk is not None and self._bag.closed_size + size > self._max_disk:
             return f"it has reached --max-disk {self._max_disk} bytes"
         self._until_check -= size

@@ -20,9 +20,9 @@ _BATCH_MESSAGES = 256
 _BATCH_BYTES = 1 << 20  # beyond which a batch ends
 _BATCHES = 16
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
-_LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
+_LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is not a flood
 _BUNDLE_TIME = SECOND // 1000  # in which messages are published before requests are served again
-_LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
+_LONGEST_SLEEP = 3600.0  # s; the system call rejects more than some decades
 _SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake their listeners once
 
 Result = TypeVar("Result")
@@ -72,7 +72,7 @@ def read_ahead(messages: Iterable[Message]) -> Messages:
             yield from batch
     finally:
         closed.set()
-        with suppress(queue.Empty):  # the thread may wait for room
+        with suppress(queue.Empty):  # the thread may wait for space
             while True:
                 batches.get_nowait()
         thread.join()

@@ -37,7 +37,7 @@ from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.replay.playback import Messages, Playback, read_ahead
 from rpud_sim.ros.threads import RequestError, quick_switches, raised, serve, settled_memory
 
-_PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
+_PRIORITY = 10  # as for a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
 _FIRST_WINDOW = 10 * SECOND  # before a position, in which latched messages are looked for [ns]
@@ -84,7 +84,7 @@ class Replayer(Node):
         for summary in topics:
             name = summary.topic.name
             if with_clock and name == CLOCK:
-                self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
+                self.get_logger().warning(f"the bag's own {CLOCK} is replaced by --clock")
                 continue
             try:
                 self._add(summary)
@@ -131,7 +131,7 @@ class Replayer(Node):
     def publish(self, message: Message, *, hurried: bool) -> bool:
         """Publish a message as it was serialized; see ``AcknowledgedPublishers.send``.
 
-        One that is no plain CDR, or does not fit the installed type, is left out and counted: a
+        One that is not plain CDR, or does not fit the installed type, is left out and counted: a
         subscriber would fail to read it.
         """
         try:
@@ -166,7 +166,7 @@ def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
     reliable = not recorded or any(profile.reliability != "best_effort" for profile in recorded)
     manual = any(profile.liveliness == "manual_by_topic" for profile in recorded)
     offer = QoSProfile(
-        # Except for latched topics a depth is only room, which a fast replay needs.
+        # Except for latched topics a depth is only space, which a fast replay needs.
         depth=max(depths, default=default_depth) if latched else max([*depths, default_depth]),
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
@@ -195,10 +195,10 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
             return None
         codec = Codec(topic.type, summary.definition)
     except BagFormatError as error:
-        if not topic.type_hash:  # nothing says that it is another version
+        if not topic.type_hash:  # nothing reports that it is another version
             return None
         raise UnknownTypeError(str(error)) from error
-    except BagError:  # the type is no part of an installation
+    except BagError:  # the type is not part of an installation
         return None
     if codec.type_hash == expected:  # bags of other tools have definitions without a hash
         return None
@@ -250,7 +250,7 @@ def _answer(
         playback.do(lambda each: act(each, request))
     except RequestError as error:
         reason = str(error)
-        node.get_logger().warning(f"{name} is refused: {reason}")
+        node.get_logger().warning(f"{name} is rejected: {reason}")
     except Exception as error:  # out of the executor it would leave a client without answer
         reason = raised(error)
         node.count_failure(f"{name}: {reason}")
@@ -318,7 +318,7 @@ def _replay(
     )
     if not node.topics:
         if topics:
-            raise ExpectedError(f"nothing of {bag.path} can be replayed here")
+            raise ExpectedError(f"no topic of {bag.path} can be replayed here")
         return Replayed(f"{printable(bag.path)} has no messages to replay", complete=True)
     for text in bag.unread_offers:
         node.warn(text)
@@ -334,7 +334,7 @@ def _replay(
         last = min(last, first + round(options.duration * SECOND))
 
     def read(position: int) -> Messages:
-        # A whole replay has all messages, whatever times the bag's statistics say.
+        # A whole replay has all messages, whatever times the bag's statistics report.
         duration = None if options.duration is None else last - position + 1
         return read_ahead(bag.messages(list(node.topics), position - bag.start_time, duration))
 
@@ -419,6 +419,9 @@ def _show(playback: Playback, first: int, bar: Any) -> None:
     bar.update(0)
 
 
+_WHY = "--wait-for-subscribers begins when every topic has one; --topics selects topics"
+
+
 def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> None:
     deadline = time.monotonic() + DISCOVERY_TIME
     logged = False
@@ -428,7 +431,7 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
                 break
             if not logged:
                 names = listed(unsubscribed)
-                node.get_logger().info(printable(f"waiting for subscribers of {names}"))
+                node.get_logger().info(printable(f"waiting for a subscriber of {names}: {_WHY}"))
                 logged = True
         if stop.wait(_POLL_PERIOD):
             return

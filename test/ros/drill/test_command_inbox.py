@@ -284,8 +284,8 @@ def test_refusals_are_counted_and_logged_and_of_a_flood_only_some(monkeypatch):
     assert (inbox.accepted, inbox.rejected, inbox.requests_refused) == (0, 1, 1)
     assert inbox.last_refusal == "there is no fault 7 to clear"
     assert log == [
-        "command refused: weight_on_bit = -1 N is outside its range [0, 1000] N",
-        "request refused: there is no fault 7 to clear",
+        "command rejected: weight_on_bit = -1 N is outside its range [0, 1000] N",
+        "request rejected: there is no fault 7 to clear",
     ]
     for number in range(10_000):
         inbox.refuse(GIVEN, str(number))

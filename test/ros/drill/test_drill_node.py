@@ -56,7 +56,7 @@ def test_a_configuration_that_fails_leaves_no_publisher_behind(node, tmp_path):
     drill = DrillNode(namespace="/another", parameter_overrides=[parameter])
     try:
         scenario.unlink()
-        with pytest.raises(RuntimeError, match="the drill cannot be started; the log says why"):
+        with pytest.raises(RuntimeError, match="the drill cannot be started; see its log"):
             drill.start()
         assert drill.count_publishers("status") == 0
         scenario.write_text("faults: []\n")

@@ -109,5 +109,5 @@ def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, cap
     node.create_service(Trigger, "~/divide", handler)
     for _ in range(2):
         assert not call(node, Trigger, "divide").success
-    said = "request refused: Trigger: it raised ZeroDivisionError: division by zero"
+    said = "request rejected: Trigger: it raised ZeroDivisionError: division by zero"
     assert capfd.readouterr().err.count(said) == 2

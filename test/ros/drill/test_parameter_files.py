@@ -114,7 +114,7 @@ FILES = {
     ),
     "a key twice in its own section": (
         "drill_node:\n  ros__parameters:\n    seed: 1\n    seed: 2\n",
-        ":4: seed stands twice in one section",
+        ":4: seed occurs twice in one section",
         "",
     ),
     "words of truth": (
