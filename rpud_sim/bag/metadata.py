@@ -327,7 +327,9 @@ def _load(text: str) -> Any:
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEEPEST:  # libyaml looks through all levels at each word
-                raise BagFormatError(f"the rosbag2 metadata is nested deeper than {_DEEPEST} levels")
+                raise BagFormatError(
+                    f"the rosbag2 metadata is nested deeper than {_DEEPEST} levels"
+                )
         if number := _LONG_NUMBER.search(text):
             raise BagFormatError(f"the rosbag2 metadata has a number {number[0][:20]}...")
         return yaml.load(text, Loader=_LOADER)

@@ -367,7 +367,7 @@ def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[Re
 
 
 def _began(record: Mapping[str, str]) -> int:
-    """Return when a recording began [ns since the epoch], 0 if its record does not say it."""
+    """Return when a recording began [ns since the epoch], 0 if its record lacks it."""
     text = record.get("began", "")
     return int(text) if text.isdecimal() and len(text) < _DIGITS else 0
 

@@ -43,7 +43,7 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
     """Publishers by topic; messages in a hurry wait for reliable subscribers, ``longest`` [s].
 
     Beyond its depth a publisher overwrites messages, whether subscribers have them or not. Nothing
-    waits long for the topics that ``lost`` names: it says whether a subscriber of one has ended.
+    waits long for the topics that ``lost`` names: its values are whether a subscriber of one has ended.
     """
 
     def __init__(self, longest: float, lost: Callable[[str], bool] = lambda _: False) -> None:

@@ -108,7 +108,7 @@ def node_name(endpoint: TopicEndpointInfo) -> str:
 
 
 def has_lost_subscriber(node: Node, topic: str) -> bool:
-    """Return whether a process on this machine that subscribes to a topic has ended, or stands.
+    """Return whether a process on this machine that subscribes to a topic has ended, or is stopped.
 
     The middleware remembers one that was killed for up to 20 s. Fast DDS begins identifiers with
     vendor and machine, and continues with the lower half of the process's number.

@@ -171,7 +171,7 @@ class DrillRun:
         self._end = end
         self._bag = bag
         self.recorded = recorded  # where it lies in a bag; None for one in memory
-        self._growing = growing  # of a drill that may go on
+        self._growing = growing  # of a drill that may continue
         self._columns: dict[str, Columns] = {}  # by topic
 
     @property
