@@ -42,8 +42,8 @@ class AcknowledgedPublisher:
 class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
     """Publishers by topic; messages in a hurry wait for reliable subscribers, ``longest`` [s].
 
-    Beyond its depth a publisher overwrites messages, whether subscribers have them or not. Nothing
-    waits long for the topics that ``lost`` names: its values are whether a subscriber of one has ended.
+    Beyond its depth a publisher overwrites messages, whether subscribers have them or not. A
+    topic does not wait long where ``lost`` is true of its name: a subscriber has ended.
     """
 
     def __init__(self, longest: float, lost: Callable[[str], bool] = lambda _: False) -> None:

@@ -116,7 +116,9 @@ class DrillPublishers:
         lines = {}
         for name, count in sorted(self.own.overwritten.items()):
             lost = self.own.lost(name)
-            reason = "has ended or is stopped" if lost else f"did not take them in {_LONGEST_WAIT:g} s"
+            reason = (
+                "has ended or is stopped" if lost else f"did not take them in {_LONGEST_WAIT:g} s"
+            )
             lines[f"up to {count} messages of {name} are lost: a subscriber {reason}"] = not lost
         self.own.overwritten.clear()
         return lines
