@@ -1,7 +1,8 @@
 """Vibration of a resonance in the open segment: where it ends, and how small ones are followed.
 
 Where the vibration yields, or is small, the bodies' motion defines what it becomes, and
-the envelope follows it. Elsewhere it continues by itself until the envelope's next update (resonator.py).
+the envelope follows it. Elsewhere it continues by itself until the envelope's next update
+(resonator.py).
 """
 
 import math

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 import rpud_sim.bag
 from rpud_sim.bag import TopicSummary
-from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.own_records import MANIFEST_RECORD as MANIFEST
 from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.columns import Column

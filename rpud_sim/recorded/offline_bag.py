@@ -12,15 +12,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic, whole_bag
-from rpud_sim.bag.metadata import (
-    LOSSES_RECORD,
-    MANIFEST_RECORD,
-    Losses,
-    Manifest,
-    installed_versions,
-    losses_to_record,
-    machine_name,
-)
+from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.own_records import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch, groups

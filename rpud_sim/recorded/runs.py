@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.bag.metadata import MANIFEST_RECORD, RECORDING_RECORD, Manifest, manifest_from_record
+from rpud_sim.bag.metadata import RECORDING_RECORD
+from rpud_sim.bag.own_records import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
 from rpud_sim.foundation.terminal import in_words
 from rpud_sim.foundation.time import SECOND

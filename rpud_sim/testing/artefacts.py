@@ -14,17 +14,15 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
-from rpud_sim.bag.metadata import (
-    LOSSES_RECORD,
+from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.own_records import (
     MANIFEST_RECORD,
-    Losses,
     Manifest,
     RunVerdict,
     installed_versions,
-    losses_to_record,
     machine_name,
 )
-from rpud_sim.bag.metadata import VERDICT_RECORD as TESTED_RECORD
+from rpud_sim.bag.own_records import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.messages.definitions import find_definition, find_type_hash

@@ -16,7 +16,7 @@ from rpud_msgs.srv import StepSimulation
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError, RefusedError
-from rpud_sim.ros.client.listening_node import to_time
+from rpud_sim.ros.client.arguments import to_time
 from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, TOPICS
 from rpud_sim.testing.attempt_records import TEST_CLIENT, Heard, heard_of
 from rpud_sim.testing.collector import Collector, StoredTopic

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.metadata import (
+from rpud_sim.bag.own_records import (
     MANIFEST_RECORD,
     VERDICT_RECORD,
     Manifest,

@@ -13,7 +13,6 @@ from rpud_sim.bag.metadata import (
     INFINITE,
     FileInformation,
     Losses,
-    Manifest,
     QosProfile,
     ReadMetadata,
     dump_document,
@@ -21,10 +20,10 @@ from rpud_sim.bag.metadata import (
     load_offered_qos,
     losses_from_record,
     losses_to_record,
-    manifest_from_record,
     metadata_from_document,
     metadata_of,
 )
+from rpud_sim.bag.own_records import Manifest, manifest_from_record
 
 FILES = [FileInformation("bag_0.mcap", START, 3_000, 7)]
 METADATA = metadata_of(FILES, {TALK: 4, CHAT: 3})

@@ -7,7 +7,7 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.bag.metadata import MANIFEST_RECORD, manifest_from_record
+from rpud_sim.bag.own_records import MANIFEST_RECORD, manifest_from_record
 from rpud_sim.messages.batch import rows_of
 from rpud_sim.messages.definitions import find_definition, find_type_hash, installed_codec
 from rpud_sim.simulation.changes import Clear, Configure, Inject, SetOrigin

@@ -13,8 +13,8 @@ from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
 
 import rpud_sim.bag
-from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.metadata import manifest_from_record
+from rpud_sim.bag.own_records import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.own_records import manifest_from_record
 
 HELPERS = Path(__file__).parents[1] / "helpers"
 CONTACT_FORCE = "/rpud/contact_force"

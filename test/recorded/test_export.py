@@ -27,14 +27,9 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter, Topic
-from rpud_sim.bag.metadata import (
-    LOSSES_RECORD,
-    Losses,
-    Manifest,
-    losses_to_record,
-    manifest_from_record,
-)
-from rpud_sim.bag.metadata import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.metadata import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.own_records import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.own_records import Manifest, manifest_from_record
 from rpud_sim.recorded.export import ACCOUNT, FORMATS, export, file_stem
 from rpud_sim.simulation import preset
 

@@ -12,7 +12,7 @@ from sample_bags import write_offline_bag
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.metadata import Manifest
+from rpud_sim.bag.own_records import Manifest
 from rpud_sim.messages.batch import rows_of
 from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.definitions import find_definition, installed_codec

@@ -12,7 +12,7 @@ from recorded_bags import rewritten
 
 import rpud_sim.bag
 import rpud_sim.viewer
-from rpud_sim.bag.metadata import VERDICT_RECORD, RunVerdict
+from rpud_sim.bag.own_records import VERDICT_RECORD, RunVerdict
 from rpud_sim.messages.batch import LATEST
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit

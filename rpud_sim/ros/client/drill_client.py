@@ -10,10 +10,8 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rpud_msgs import msg, srv
@@ -26,12 +24,12 @@ from rpud_sim.foundation.quantities import (
     ParameterError,
     Quantity,
     Text,
-    as_number,
     did_you_mean,
     shown,
 )
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.foundation.verbs import verb
+from rpud_sim.ros.client.arguments import to_number, to_parameter, to_time
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
     CommandSender,
@@ -43,7 +41,6 @@ from rpud_sim.ros.client.listening_node import (
     Value,
     drill_nodes,
     no_drill,
-    to_time,
 )
 from rpud_sim.ros.client.topics import FastTopics, Sink, listen
 from rpud_sim.ros.graph import message_class
@@ -216,7 +213,7 @@ class DrillClient(ListeningNode):
 
     @verb
     def press(self, force: float) -> None:
-        self._command("weight_on_bit", msg.WeightOnBit(force=_number("force", force)))
+        self._command("weight_on_bit", msg.WeightOnBit(force=to_number("force", force)))
 
     @verb
     def drive(
@@ -226,8 +223,8 @@ class DrillClient(ListeningNode):
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
         message = msg.Drive(
             enabled=_ON.check("drive enabled", enabled),
-            voltage=present[0] if voltage is None else _number("voltage", voltage),
-            frequency=present[1] if frequency is None else _number("frequency", frequency),
+            voltage=present[0] if voltage is None else to_number("voltage", voltage),
+            frequency=present[1] if frequency is None else to_number("frequency", frequency),
         )
         self._command("drive", message)
 
@@ -236,14 +233,14 @@ class DrillClient(ListeningNode):
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
-            message = Feed(mode=Feed.MODE_RATE, rate=_number("rate", rate))
+            message = Feed(mode=Feed.MODE_RATE, rate=to_number("rate", rate))
         else:
-            message = Feed(mode=Feed.MODE_POSITION, position=_number("position", position))
+            message = Feed(mode=Feed.MODE_POSITION, position=to_number("position", position))
         self._command("feed", message)
 
     @verb
     def move(self, position: float, velocity: float = 0.0) -> None:
-        place, rate = _number("position", position), _number("velocity", velocity)
+        place, rate = to_number("position", position), to_number("velocity", velocity)
         self._command("mount", msg.MountMotion(position=place, velocity=rate))
 
     @verb
@@ -257,7 +254,7 @@ class DrillClient(ListeningNode):
         self._set_parameters(self._drill_node(), values)
 
     def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
-        parameters = [_parameter(*each).to_parameter_msg() for each in values.items()]
+        parameters = [to_parameter(*each).to_parameter_msg() for each in values.items()]
         request = SetParametersAtomically.Request(parameters=parameters)
         name = f"{node}/set_parameters_atomically"
         self._services.add(SetParametersAtomically, name)
@@ -280,7 +277,7 @@ class DrillClient(ListeningNode):
         magnitude: float | None = None,
         duration: float | None = None,
     ) -> int:
-        size = math.nan if magnitude is None else _number("magnitude", magnitude)
+        size = math.nan if magnitude is None else to_number("magnitude", magnitude)
         if size == 0.0 and CheckedFault(kind, channel, size).declared.magnitude:
             size = _TINY
         fault = Fault(
@@ -444,20 +441,3 @@ class DrillClient(ListeningNode):
 
 def _reached(response: Any) -> float:
     return join_seconds(response.time.sec, response.time.nanosec) / SECOND
-
-
-# Arguments as fields of messages; the drill itself checks their ranges.
-
-
-def _parameter(name: str, value: Any) -> Parameter:
-    try:
-        return Parameter(name, value=value.item() if isinstance(value, np.generic) else value)
-    except TypeError:
-        raise ParameterError(f"{name} = {shown(value)} is of no type of ROS") from None
-
-
-def _number(name: str, value: Any) -> float:
-    number = as_number(value)
-    if math.isnan(number) and not isinstance(value, float):
-        raise ParameterError(f"{name} = {shown(value)} is not a number")
-    return number

@@ -19,8 +19,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs import msg, srv
 from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.quantities import ExpectedError, Quantity, suggestion
-from rpud_sim.foundation.time import SECOND, split_seconds
+from rpud_sim.foundation.quantities import ExpectedError, suggestion
+from rpud_sim.ros.client.arguments import SECONDS
 from rpud_sim.ros.graph import RepeatedRequest, node_name
 from rpud_sim.ros.process import name_error, start_ros
 from rpud_sim.ros.received import ReceivedTopic, Sink
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
-SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
 POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 _STEP = "/simulation/step"
@@ -340,10 +339,3 @@ class CommandSender:
         names = [node_name(info) for info in infos if info.qos_profile.durability == volatile]
         drills = set(filter(None, drill_nodes(self._node)))
         return not drills.isdisjoint(names) and publisher.get_subscription_count() >= len(names)
-
-
-def to_time(kind: Any, name: str, seconds: Any) -> Any:
-    """Return seconds as a ``Time`` or ``Duration``; others than those are a ParameterError."""
-    total = min(round(SECONDS.check(name, seconds) * SECOND), 2**31 * SECOND - 1)
-    sec, nanosec = split_seconds(total)
-    return kind(sec=sec, nanosec=nanosec)

@@ -13,7 +13,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message, serialize_message
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.metadata import MANIFEST_RECORD, Manifest, installed_versions, machine_name
+from rpud_sim.bag.own_records import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.ros.graph import STATUS, node_name
 from rpud_sim.ros.received import is_damaged
 from rpud_sim.ros.record.recorder_node import Recorder
