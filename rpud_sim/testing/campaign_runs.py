@@ -151,17 +151,21 @@ def _cut_short(verdict: Verdict, reached: float) -> Verdict:
 _BODY = """
 <style>
  b { text-transform: capitalize; }
+ .headline { font-size: 1.4em; }
+ td a, p a { display: inline-block; min-width: 24px; line-height: 24px; }
  td:has(> .failed) { background: color-mix(in srgb, var(--fault) 8%, var(--paper)); }
  td:has(> .passed) { background: color-mix(in srgb, var(--series2) 6%, var(--paper)); }
  b.failed { color: var(--fault); }
  b.passed { color: var(--series2); } b.undecided { color: var(--muted); }
  pre { background: var(--panel); padding: .6em; overflow-x: auto; }
 </style>
+<p class="headline"><b class="{{ verdict }}">{{ verdict }}</b>: {{ counts }} of
+{{ matrix | length - 1 }} requirements, in {{ runs | length }} runs</p>
 <p>System under test: {{ system }}</p>
-<p>Requirements: {{ counts }}; runs: {{ runs | length }}</p>
 <h2>Requirements by faults</h2>
 <p>Each field has the worst verdict, the least margin, the longest time to react, and the run with
-the worst verdict. A verdict is undecided if the fault of which it speaks does not occur, or if the
+the worst verdict. The margin is the distance from the value to its limit: it is negative if the
+requirement failed. A verdict is undecided if the fault of which it speaks does not occur, or if the
 run ends before.</p>
 {{ table(matrix[0], matrix[1:], false, "Requirements by scenarios and their faults") }}
 {% if failures %}
@@ -226,6 +230,12 @@ class CampaignResults:
             for name, cell in whole.items()
             if self.outcomes[name] == UNDECIDED
         }
+
+    @property
+    def verdict(self) -> str:
+        """Outcome of the campaign: failed if a requirement is, passed if all are."""
+        order = (FAILED, UNDECIDED, PASSED)
+        return min(self.outcomes.values(), key=order.index, default=UNDECIDED)
 
     def lines(self) -> list[str]:
         """Return the matrix of requirements by scenarios as lines of a table."""
@@ -306,6 +316,7 @@ def campaign_page(results: CampaignResults) -> str:
         _BODY,
         campaign.name,
         system=" ".join(campaign.system.words),
+        verdict=results.verdict,
         counts=results.sums,
         matrix=matrix,
         failures=[

@@ -29,7 +29,6 @@ LEVEL = 0.95  # probability that all intervals of a comparison hold together
 _BATCHES = 16  # parts of the time whose metrics are independent
 _FEWEST = 40  # impacts or samples below which there is no interval
 _AVERAGED = 1.0  # a report of a power is the mean of this time before it [s]
-_CLEARLY_NOT_ZERO = 3.0  # standard errors from zero that a reference of a ratio needs
 _ROUNDING = 1e-9  # relative; smaller differences come from the rounding of numbers
 
 _IMPACTS, _REPORTS = "contact_force", ("status", "power")
@@ -249,10 +248,14 @@ def _difference(
     value = other.value - one.value
     found = found._replace(low=value - reach * error, high=value + reach * error)
     low, high, edge = found.low, found.high, 0.0
-    if abs(one.value) > _CLEARLY_NOT_ZERO * one.error:
-        ratio = other.value / one.value
-        reach *= math.hypot(other.error, ratio * one.error) / abs(one.value)
-        low, high, edge = ratio - 1.0 - reach, ratio - 1.0 + reach, tolerance
+    square = one.value**2 - (reach * one.error) ** 2
+    if square > 0.0:
+        # By Fieller's theorem, so that this interval leaves out zero if the one above does.
+        ratio = one.value * other.value / square
+        half = math.sqrt(
+            max(ratio**2 - (other.value**2 - (reach * other.error) ** 2) / square, 0.0)
+        )
+        low, high, edge = ratio - 1.0 - half, ratio - 1.0 + half, tolerance
         found = found._replace(relative_low=low, relative_high=high)
     result = NONE_FOUND if not edge else UNDECIDED
     if low > edge or high < -edge:

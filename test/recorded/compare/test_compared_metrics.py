@@ -127,6 +127,17 @@ def test_a_metric_that_may_be_zero_has_no_ratio_and_is_compared_without_toleranc
     assert compared(values(500, 0.0), values(500, 5.0, seed=1), 0.01)[0].result == DIFFERS
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_result_agrees_with_both_of_its_intervals(seed):
+    other = 100.0 + 2.0 * np.random.default_rng(seed).normal()
+    for found in compared(values(500), values(500, other, seed=seed)):
+        if found.result != TOO_FEW:
+            outside = not found.low <= 0.0 <= found.high
+            assert outside == (found.result == DIFFERS)
+            if not math.isnan(found.relative_low):
+                assert outside == (not found.relative_low <= 0.0 <= found.relative_high)
+
+
 @settings(max_examples=examples(50))
 @given(
     *[st.lists(st.floats(-1e12, 1e12), min_size=1, max_size=80)] * 2,

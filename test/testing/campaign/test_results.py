@@ -29,7 +29,9 @@ def test_a_requirement_fails_in_the_scenario_where_a_run_breaks_it(campaign):
         *("SAFE-1", "failed", "passed", "2", "N", "in", "0.25", "s"),
         *("failed", "-1.5", "N", "in", "0.25", "s", *2 * ("passed", "2", "N", "in", "0.25", "s")),
     ]
-    failures = campaign_page(results).partition("<h2>What failed</h2>")[2].partition("<h2>")[0]
+    headline, _, rest = campaign_page(results).partition("<h2>")
+    assert '<b class="failed">failed</b>: 5 passed, 1 failed, 0 undecided of' in headline
+    failures = rest.partition("<h2>What failed</h2>")[2].partition("<h2>")[0]
     assert failures.count("<h3>") == 1
     assert f"<h3>{broken.name}</h3>" in failures
     assert "[SAFE-1] force: failed: reacting_force.force was 501.5 N at 4.5 s" in failures
@@ -43,6 +45,7 @@ def test_a_requirement_that_no_run_decides_has_not_passed(campaign):
         lambda run: {} if run.scenario == "jammed" else {"judged": {"drive off": OPEN}},
     )
     assert set(decided.outcomes.values()) == {PASSED}
+    assert (results.verdict, decided.verdict) == (UNDECIDED, PASSED)
     page = campaign_page(decided)
     assert page.count("n/a: no free mass jammed here") == 3  # nominal, biased and lost preload
     assert "free_mass_jammed" not in page.partition("<h2>Runs")[0]
