@@ -45,7 +45,7 @@ class Parameters(ParameterGroup):
     load_spring_rate: float = changeable(
         2000.0, "N/m", "spring rate of the load spring, k_1", 1e-3, 1e7
     )
-    free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 1e-12, 10.0)
+    free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 1e-7, 10.0)
     drill_tool_mass: float = number(
         2.124e-3, "kg", "mass of the drill tool before drilling, m_dt", 1e-12, 100.0
     )  # effective mass of the mode shape (24); Table 1 prints 13.5 g

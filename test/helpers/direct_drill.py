@@ -78,13 +78,14 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
     z, vz, t, vt = 0.0, 0.0, 0.0, 0.0  # free mass and drill tool
     in_rock, joined = True, False
     every = round(sample / dt)
-    forces = np.zeros(round(duration / sample))
+    forces, work, reacting = np.zeros(round(duration / sample)), 0.0, 0.0
     for i in range(len(forces) * every):
         vx = (k_a * (feed - x) - k_1 * (x - y) + c_1 * vy) / (c_a + c_1)
         vy += dt * (k_1 * (x - y) + c_1 * (vx - vy)) / m
         y += dt * vy
         x += dt * vx
         forces[i // every] += k_a * (feed - x) / every
+        reacting += dt * (k_1 * (x - y) + c_1 * (vx - vy))
         if in_rock and x < -release and y < -amplitude:
             in_rock = joined = False
         elif not in_rock and (x > 0.0 or y > -amplitude):
@@ -100,13 +101,14 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
             z = tip
             if v_tip > vz:
                 impulse = (1.0 + e_1) * (v_tip - vz) / (1.0 / m + 1.0 / m_fm)
+                work += impulse * (v_tip - vy)
                 vy -= impulse / m
                 vz += impulse / m_fm
                 joined = False
         if not joined:
             mass = m_eff if in_rock else m_dt
             z, vz, vt, joined = _meet_tool(m_fm, mass, e_2, in_rock, z, vz, t, vt)
-    return forces
+    return forces, reacting / duration, work / duration
 
 
 @njit
@@ -176,8 +178,11 @@ def _bodies(drill):
     )
 
 
-def arm_forces(configuration, phase, duration, dt=1e-7):
-    """Return the force of a compliant arm without play in each millisecond [N]."""
+def arm_figures(configuration, phase, duration, dt=1e-7):
+    """Return the force of a compliant arm without play in each millisecond [N], and two means.
+
+    They are of the reacting force [N] and of the actuator's power [W].
+    """
     parameters, mount = configuration.parameters, configuration.mount
     drill, free = derive(parameters), derive(parameters.replace(regime="free"))
     tool = (drill.tool_mass, drill.tool_spring_rate, free.tool_mass, free.tool_spring_rate)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from direct_drill import APART, HARD, STRIKE, arm_forces, resonant_figures
+from direct_drill import APART, HARD, STRIKE, arm_figures, resonant_figures
 from scipy.stats import t
 from silent_drill import SilentDrill, plans_of
 
@@ -65,7 +65,7 @@ def differ(one, other, share):
 def test_the_force_of_an_arm_is_that_of_a_direct_integration_and_of_half_the_step(
     monkeypatch, values
 ):
-    direct = figures([arm_forces(made(values), phase, DURATION) for phase in PHASES])
+    direct = figures([arm_figures(made(values), phase, DURATION)[0] for phase in PHASES])
     found = engine_figures(values)
     assert not differ(found, direct, (0.02, 0.1, 0.1)).any(), (found, direct)
     if values is SOFT:
@@ -85,22 +85,27 @@ def test_steps_of_the_arm_give_and_take_little_or_are_an_error(monkeypatch):
 
 
 def drill_on_an_arm(random):
-    """Draw a drill on an arm over the whole range of load springs, with play nowhere."""
+    """Draw a drill on an arm over the whole range of load springs and arms, with play nowhere.
+
+    Stiffer arms the direct integration cannot follow.
+    """
 
     def between(low, high):
         return math.exp(random.uniform(math.log(low), math.log(high)))
 
-    mass, force = between(0.3, 3.0), random.uniform(4.0, 20.0)
+    mass = between(0.3, 3.0)
     rate = mass * between(30.0**2, STIFFEST)
-    stiffness = between(2e3, 1e6)
+    stiffness = between(5.0, 1e7)
+    force = min(random.uniform(4.0, 20.0), 0.9 * stiffness)
     return made(
         {
             "rpud_mass": mass,
             "load_spring_rate": rate,
             "arm_stiffness": stiffness,
-            "arm_damping": between(20.0, 2e3),
+            "arm_damping": between(1e-3, 1e6),
             "rpud_damping_ratio": random.uniform(0.1, 0.9),
             "initial_feed": force / rate + force / stiffness,
+            "feed_maximum": 1.0,
             "anchoring_force": 1000.0,
         }
     )
@@ -123,11 +128,12 @@ def means(configuration):
 def test_random_arms_are_as_with_half_the_step_and_as_a_direct_integration(monkeypatch, seed):
     configuration = drill_on_an_arm(np.random.default_rng(seed))
     found = means(configuration)
-    forces = [arm_forces(configuration, phase, DURATION).mean() for phase in PHASES]
+    # Longer steps of the direct one are 4 N off where a drill hops on an arm with little friction.
+    direct = [arm_figures(configuration, phase, DURATION, 2e-8)[1:] for phase in PHASES]
     monkeypatch.setattr(Process, "interval", MILLISECOND // 2)
     half = means(configuration)
     assert not differ(found, half, (0.03, 0.05)).any(), (found, half)
-    assert not differ(found[:, :1], np.array(forces)[:, None], (0.05,)).any(), (found, forces)
+    assert not differ(found, np.array(direct), (0.05, 0.05)).any(), (found, direct)
 
 
 HOPPING = {"load_spring_rate": 1e5, "initial_feed": 6e-4}
@@ -135,7 +141,7 @@ HOPPING = {"load_spring_rate": 1e5, "initial_feed": 6e-4}
 
 def test_a_drill_that_hops_on_a_stiff_arm_meets_the_rock_ahead_of_its_tip():
     """Else the rock takes hold of the tool only slowly: in half of the phases 17 or 22 N."""
-    direct = np.mean([arm_forces(made(HOPPING), phase, 1.5) for phase in PHASES])
+    direct = np.mean([arm_figures(made(HOPPING), phase, 1.5)[0] for phase in PHASES])
     for member in run_members(plans_of(made(HOPPING), PHASES), 1.5):
         assert member.metrics.values()["reacting_force_mean"] == pytest.approx(direct, rel=0.05)
 

@@ -16,7 +16,7 @@ from support import examples
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.engine import EngineError
-from rpud_sim.model.parameters import REGIMES
+from rpud_sim.model.parameters import QUANTITIES, REGIMES
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.model.tolerances import LOWEST_BOUNCE
 from rpud_sim.simulation import preset
@@ -186,6 +186,14 @@ def test_what_the_rotor_draws_is_electrical_too(stall_torque):
     percussion.advance_to(SECOND // 2)
     more = reading.electrical_energy - percussion.actuator.electrical_energy
     assert more == pytest.approx(work.drawn, rel=1e-9)
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_the_lightest_free_mass_that_is_allowed_keeps_the_account(regime):
+    least = QUANTITIES["free_mass"].minimum
+    parameters = preset(regime).replace(free_mass=least, weight_on_bit=8.0, gravity=9.81)
+    account = account_of(SilentDrill(parameters, 0.3).advance_to(SECOND // 10))
+    assert abs(account.residual) < 1e-8 * throughput(account)
 
 
 def test_the_gain_model_has_no_electrical_energy():
