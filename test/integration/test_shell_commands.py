@@ -79,7 +79,11 @@ def test_faults_are_injected_listed_and_cleared(rpud, fresh):
     ("words", "complaint"),
     [
         (["press", "-5"], "rpud press: the drill refuses: weight_on_bit = -5 N is outside its ra"),
-        (["inject", "noise"], "rpud inject: the drill refuses: channel of noise = '' is not one"),
+        (
+            ["inject", "noise"],
+            "rpud inject: the drill refuses: noise needs --channel; this drill has nodal_plane, "
+            "drill_tool, reacting_force, wrench, contact_force\n",
+        ),
         (["clear", "7"], "rpud clear: the drill refuses: there is no fault 7 to clear"),
         (["clear", "noise"], "rpud clear: the drill refuses: no fault is active"),
         (["step", "0"], "rpud step: the drill refuses: step = 0 s is outside its range (0, "),

@@ -272,7 +272,7 @@ class Timeline:
             (self.goal is not None, "stepping already"),
         ):
             if holds:
-                raise ParameterError(f"it is {state}, not paused")
+                raise ParameterError(f"it is {state}, not paused, as after `rpud pause`")
         ahead = (goal - time) / SECOND
         if not 0.0 < ahead <= LONGEST_STEP:
             raise ParameterError(f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -93,6 +94,9 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
     if writing.refusal:
         return RecordResult(text, f"stopped with a whole bag: {writing.refusal}")
     reason = failure(node, allow_empty=options.allow_empty)
+    if reason and not bag.message_count:
+        shutil.rmtree(bag.path)  # it would be in the way of the corrected call
+        return RecordResult("", f"{reason}: no bag is left")
     if not ticked:
         lacking = "nothing came on /clock, so log times are of this machine's clock"
         reason = "; ".join(filter(None, [reason, lacking]))
@@ -136,6 +140,8 @@ def _collect(
         journals.poll()
         if not ready and now >= ready_at:
             ready = True
+            if node.missing:
+                node.get_logger().warning(f"not there yet: {_missing(node)}")
             node.get_logger().info(f"recording {len(node.topics)} topics to {printable(bag.path)}")
             if options.ready_fd is not None:
                 with suppress(OSError):  # that process may have ended
@@ -198,13 +204,18 @@ def _lost(name: str, losses: Losses) -> list[str]:
     return lines
 
 
+def _missing(node: Recorder) -> str:
+    """Return the requested topics that have not appeared, each with the nearest one there is."""
+    known = [name for name, _ in node.get_topic_names_and_types()]
+    return ", ".join(name + suggestion(name, known) for name in node.missing)
+
+
 def failure(node: Recorder, *, allow_empty: bool) -> str:
     """Return why the bag is not as requested, in one line; empty if it is."""
     reasons = []
     known = [name for name, _ in node.get_topic_names_and_types()]
     if not allow_empty and node.missing:
-        named = (name + suggestion(name, known) for name in node.missing)
-        reasons.append(f"never appeared: {', '.join(named)}")
+        reasons.append(f"never appeared: {_missing(node)}")
     elif not allow_empty and not node.taken:
         prefix = node.get_namespace()
         spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})

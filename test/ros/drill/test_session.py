@@ -309,9 +309,12 @@ def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason)
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (play, "it is playing, not paused"),
-        (HALT, "it is stopped, not paused"),
-        (lambda drill: drill.step(PERIOD), "it is stepping already, not paused"),
+        (play, "it is playing, not paused, as after `rpud pause`"),
+        (HALT, "it is stopped, not paused, as after `rpud pause`"),
+        (
+            lambda drill: drill.step(PERIOD),
+            "it is stepping already, not paused, as after `rpud pause`",
+        ),
     ],
 )
 def test_only_a_paused_simulation_steps(drill, change, reason):
