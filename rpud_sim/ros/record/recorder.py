@@ -25,8 +25,8 @@ from rpud_sim.ros.record.writing import Intake, WritingThread
 SKIPPED_RECORD = "rpud_skipped"
 
 _POLL_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
-_GRAPH_PERIOD = 0.25  # s
-_FIRST_GRAPH_PERIOD = 0.02  # s until it is ready: a topic is subscribed as soon as it is known
+_GRAPH_PERIOD = 0.25  # s between looks at what is known of each topic, when it is ready
+_LOOK_PERIOD = 0.02  # s between looks for topics: one is subscribed as soon as it is known
 _DISCOVERY_TIME = 3.5  # s until it is ready; the middleware announces itself every 3 s
 _SETTLING_TIME = 0.5  # s without a new topic until it is ready
 _DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
@@ -119,12 +119,17 @@ def _collect(
     """Record for the duration from when it is ready, or until the stop is requested."""
     progress, losses = _progress(node, bag), node.losses
     ready, ready_at = False, time.monotonic() + _DISCOVERY_TIME
-    follow_at, show_at = -inf, time.monotonic() + _SHOW_PERIOD
+    look_at = follow_at = -inf
+    show_at = time.monotonic() + _SHOW_PERIOD
     while not stop.requested:
         now = time.monotonic()
+        if now >= look_at:
+            look_at = now + _LOOK_PERIOD
+            if node.graph_changed:
+                follow_at = now
         if now >= follow_at:
             rests = ready and (node.clock.decided or not node.taken)
-            follow_at = now + (_GRAPH_PERIOD if rests else _FIRST_GRAPH_PERIOD)
+            follow_at = now + (_GRAPH_PERIOD if rests else _LOOK_PERIOD)
             new_losses = node.losses
             if new_losses != losses and any(each.total != 0 for each in new_losses.values()):
                 losses = new_losses  # into the bag now: a crash would cost those at its end

@@ -30,7 +30,7 @@ from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, message_class, node_name
 from rpud_sim.ros.options import RecordOptions
-from rpud_sim.ros.received import ReceivedTopic, Sink
+from rpud_sim.ros.received import DISCOVERY, ReceivedTopic, Sink
 from rpud_sim.ros.record.declaration import declaration
 from rpud_sim.ros.record.log_clock import LogClock, ReceptionTime
 from rpud_sim.ros.record.writing import Intake
@@ -74,6 +74,9 @@ class Recorder(Node):
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self.topics: dict[str, ReceivedTopic] = {}  # that are subscribed
         self.further_types: dict[str, set[str]] = {}  # of these, which are not recorded
+        # When all that was there before is known, by the monotonic clock [s].
+        self._settled_at = time.monotonic() + DISCOVERY
+        self._graph: object = None  # topics with their types, at the last look
         self._declared: set[str] = set()  # topics that the bag has
         self._received: dict[str, int] = {}  # log time of the last message of each topic [ns]
         # topics, and further types of recorded ones, that are not recorded, with reasons
@@ -152,6 +155,12 @@ class Recorder(Node):
     def wants_drill(self, name: str) -> bool:
         """Return whether a drill with a topic of this absolute name belongs to the recording."""
         return self.wants(name) or name.startswith(self._prefix)
+
+    @property
+    def graph_changed(self) -> bool:
+        """Whether topics have come or gone since the last look."""
+        before, self._graph = self._graph, self.get_topic_names_and_types()
+        return before != self._graph
 
     def discover(self) -> bool:
         """Subscribe to wanted topics that have appeared or changed; return whether some are new."""
@@ -264,8 +273,9 @@ class Recorder(Node):
         reasons = []
         for type_name in types if name not in self.topics else ():
             try:
+                kind, new = message_class(type_name), time.monotonic() >= self._settled_at
                 self.topics[name] = ReceivedTopic(
-                    self, name, message_class(type_name), self._sink(name), depth=_DEPTH
+                    self, name, kind, self._sink(name), depth=_DEPTH, new=new
                 )
                 self.get_logger().info(f"subscribed {name} [{type_name}]")
                 break

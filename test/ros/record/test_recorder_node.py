@@ -16,6 +16,7 @@ from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.ros.options import RecordOptions
+from rpud_sim.ros.record import recorder_node
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake
@@ -236,3 +237,19 @@ def test_a_hidden_namespace_that_is_named_is_recorded(record, options):
     assert recorder.wants("/_drill/status")
     assert not recorder.wants("/_drill/_hidden/status")
     assert not recorder.wants("/_other/status")
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_first_messages_of_a_publisher_that_came_after_the_recorder_are_lost(
+    peer, record, monkeypatch, waits
+):
+    monkeypatch.setattr(recorder_node, "DISCOVERY", 0.0 if waits else 60.0)
+    recorder = record()
+    publisher = peer.create_publisher(Int32, "a", RELIABLE)
+    for number in range(3):
+        publisher.publish(Int32(data=number))
+    discovered(recorder, 1)
+    heard(publisher)
+    publisher.publish(Int32(data=4))
+    until(lambda: recorder.receive() and recorder.taken)
+    assert recorder.losses["/rpud/a"].total == (3 if waits else 0)
