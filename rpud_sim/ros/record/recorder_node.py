@@ -41,6 +41,8 @@ _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
 _UNDECIDED = 0.2  # after the first message, in which a drill is found [s]
+_PATIENCE = 30.0  # with a drill, while only nodes come and go [s]
+_OF_EVERY_NODE = {"/rosout", "/parameter_events"}
 _TICKS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _STANDSTILL = 2.0  # between two calls, after which publishers may have dropped the recorder [s]
 _SILENCE = 3.0  # after it, in which a connected publisher should send something [s]
@@ -90,7 +92,8 @@ class Recorder(Node):
         self._ticks: Subscription | None = self.create_subscription(
             Clock, CLOCK, lambda _: None, _TICKS, raw=True
         )
-        self._begun_at = inf  # when the first message came, by the monotonic clock [s]
+        self._warned = False  # of a clock that came too late
+        self._decide_at = inf  # when no clock is waited for any more, by the monotonic clock [s]
         self._batch: list[Message] = []
         self._end = inf  # of the recording [ns since the epoch]
         # By the monotonic clock [s]: the last call, and the end of the latest standstill.
@@ -219,7 +222,7 @@ class Recorder(Node):
 
     def _choose_clock(self) -> None:
         """Take the clock of a drill that is the source of ``/clock``, else the machine's."""
-        if self.clock.decided or self._ticks is None:
+        if self.clock.simulated or self._warned:
             return
         drills = {
             node_name(each)
@@ -228,12 +231,23 @@ class Recorder(Node):
             for each in self.get_publishers_info_by_topic(topic)
         }
         sources = {node_name(each) for each in self.get_publishers_info_by_topic(CLOCK)}
-        if found := sorted(filter(None, drills & sources)):
+        found = sorted(filter(None, drills & sources))
+        if self.clock.decided:
+            if found:
+                self._warned = True
+                self.get_logger().warning(
+                    f"log times stay those of this machine, as {found[0]}, which publishes "
+                    f"{CLOCK}, came after the first messages: --use-sim-time waits for it"
+                )
+        elif found:
             self.clock.use_simulation()
             self.get_logger().info(f"log times are those of {CLOCK}, which {found[0]} publishes")
         elif self.taken:
-            self._begun_at = min(self._begun_at, time.monotonic())
-            if time.monotonic() >= self._begun_at + _UNDECIDED:
+            now = time.monotonic()
+            self._decide_at = min(self._decide_at, now + _PATIENCE)
+            if self._received.keys() - _OF_EVERY_NODE:
+                self._decide_at = min(self._decide_at, now + _UNDECIDED)
+            if now >= self._decide_at:
                 self.clock.use_machine()
                 self.destroy_subscription(self._ticks)
                 self._ticks = None

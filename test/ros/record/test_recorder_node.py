@@ -155,6 +155,23 @@ def test_log_times_are_of_the_drill_that_is_the_source_of_clock(peer, nodes, rec
     assert (recorder.clock.at(time.time_ns()) == 7_000_000_000) == of_drill
 
 
+def test_a_recorder_of_everything_waits_for_the_clock_of_a_drill(peer, record, monkeypatch, capfd):
+    recorder = record(everything=True)
+    peer.get_logger().info("a line on /rosout")
+    until(lambda: (recorder.discover(), recorder.receive(), recorder.taken)[-1])
+    monkeypatch.setattr(recorder_node, "_UNDECIDED", 0.0)
+    recorder.discover()
+    assert not recorder.clock.decided
+    monkeypatch.setattr(recorder_node, "_PATIENCE", 0.0)
+    recorder.discover()
+    assert recorder.clock.decided
+    peer.create_publisher(Status, "status", RELIABLE)
+    peer.create_publisher(Clock, "/clock", RELIABLE)
+    until(lambda: (recorder.discover(), recorder._warned)[-1])
+    assert not recorder.clock.simulated
+    assert "log times stay those of this machine, as /rpud/peer, which" in capfd.readouterr().err
+
+
 @pytest.mark.extended
 def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record):
     silent = peer.create_publisher(Int32, "silent", LATCHED)
