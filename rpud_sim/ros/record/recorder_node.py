@@ -249,7 +249,8 @@ class Recorder(Node):
                 self._decide_at = min(self._decide_at, now + _UNDECIDED)
             if now >= self._decide_at:
                 self.clock.use_machine()
-                self.destroy_subscription(self._ticks)
+                if self._ticks is not None:
+                    self.destroy_subscription(self._ticks)
                 self._ticks = None
 
     def _note_standstill(self) -> None:
