@@ -13,7 +13,7 @@ from typing import NamedTuple
 from rpud_sim.bag.mcap_contents import REMEDY
 from rpud_sim.bag.metadata import FILE_NAME, ReadMetadata, local_name, read_document
 from rpud_sim.bag.records import reading
-from rpud_sim.foundation.user_files import open_file
+from rpud_sim.foundation.user_files import name_beside, open_file
 from rpud_sim.messages.errors import BagFormatError, BagNotFoundError, OtherStorageError
 
 _UNPACK = "unpack it first: "
@@ -63,7 +63,7 @@ def storage_files(path: Path) -> BagFiles:
             _check_storage(path)
             return BagFiles((path,))
         if not path.is_dir():
-            raise BagNotFoundError(f"there is no bag at {path}")
+            raise BagNotFoundError(f"there is no bag at {path}{name_beside(path)}")
     held = mcap_files(path)
     document = path / FILE_NAME
     if not document.is_file():

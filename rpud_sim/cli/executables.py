@@ -50,8 +50,9 @@ def _record(options: Any, ros_arguments: Sequence[str] = ()) -> int:
 
     with status_line(printable(Path(options.out).name)) as show:
         result = recorder.record(RecordOptions(**vars(options)), ros_arguments, show)
-    with suppress(BrokenPipeError):
-        print(result.summary, flush=True)
+    if result.summary:
+        with suppress(BrokenPipeError):
+            print(result.summary, flush=True)
     if result.failure:
         raise ExpectedError(result.failure)
     return ExitCode.DONE

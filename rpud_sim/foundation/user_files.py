@@ -6,8 +6,11 @@ import errno
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import BinaryIO
+
+from rpud_sim.foundation.quantities import suggestion
 
 # A FIFO would wait for a writer, perhaps one that took the file's place after the first look.
 _READ = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
@@ -24,10 +27,22 @@ def named_errors(path: str | os.PathLike[str]) -> Iterator[None]:
         raise
 
 
+def name_beside(path: str | os.PathLike[str]) -> str:
+    """Return `` (did you mean x?)`` with the nearest name in the folder of a missing file."""
+    with suppress(OSError):
+        return suggestion(Path(path).name, os.listdir(Path(path).parent))
+    return ""
+
+
 def open_file(path: str | os.PathLike[str]) -> BinaryIO:
     """Open a regular file for reading; anything else, as a FIFO or a device, is an OSError."""
     with named_errors(path):
-        _check(os.stat(path), path)
+        try:
+            _check(os.stat(path), path)
+        except FileNotFoundError as error:
+            raise FileNotFoundError(
+                error.errno, f"{error.strerror}{name_beside(path)}", os.fspath(path)
+            ) from None
         descriptor = os.open(path, _READ)
         try:
             _check(os.fstat(descriptor), path)

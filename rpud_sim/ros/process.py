@@ -6,12 +6,15 @@ import faulthandler
 import os
 import select
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import metadata
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
+from typing import Any
 from xml.etree import ElementTree
 
 import rclpy
@@ -27,6 +30,7 @@ from rpud_sim.ros.loopback import complete_environment
 LONGEST_END = 20.0  # of a node that has stopped, on a busy machine too [s]
 _WITHOUT_LOG = ("--ros-args", "--disable-external-lib-logs")
 _WHEEL = "ros-fastrtps"
+_NOT_SENT = "failed to send response (timeout)"  # a warning of rclpy
 
 
 def start_ros(
@@ -88,6 +92,8 @@ def _why_no_log(environment: Mapping[str, str]) -> str:
 @contextmanager
 def running_ros(arguments: Sequence[str] = ()) -> Iterator[None]:
     """Start ROS, and shut it down at the end; wrong names and parameters are StartErrors."""
+    shown = warnings.showwarning
+    warnings.showwarning = partial(_show_warning, shown)
     try:
         start_ros(arguments)
         yield
@@ -97,6 +103,15 @@ def running_ros(arguments: Sequence[str] = ()) -> Iterator[None]:
         raise StartError(str(error)) from error
     finally:
         rclpy.try_shutdown()
+        warnings.showwarning = shown
+
+
+def _show_warning(others: Callable[..., object], message: Warning | str, *place: Any) -> None:
+    """Show a warning; one of rclpy about a client that has gone is a line of the log."""
+    if str(message).startswith(_NOT_SENT):
+        get_logger("rpud_sim").warning("a client did not take its response: it may have ended")
+    else:
+        others(message, *place)
 
 
 def name_error(error: NameValidationException) -> StartError:

@@ -19,7 +19,7 @@ DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more of a
 
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
-_DISCOVERY = 3.5  # s in which every publisher is found; the middleware announces itself every 3 s
+DISCOVERY = 3.5  # s in which every publisher is found; the middleware announces itself every 3 s
 _LATEST = 2**63 - 1  # in a bag [ns since the epoch]
 _AWAY = 86_400_000_000_000  # that our clock may be set while a message waits [ns]
 
@@ -31,6 +31,7 @@ class ReceivedTopic:
     """Topic of one type, with its received, lost and damaged messages, which ``sink`` takes.
 
     Without a ``request`` it is subscribed with the strongest QoS that all of its publishers offer.
+    If its publishers are ``new`` here, what they have sent before is lost, too.
     ``take`` is called by the owner; an executor of the node has the same effect.
     """
 
@@ -42,6 +43,8 @@ class ReceivedTopic:
         sink: Sink,
         request: QoSProfile | None = None,
         depth: int = DEPTH,
+        *,
+        new: bool = False,
     ) -> None:
         self.name = name  # absolute
         self.kind = kind  # class of the messages
@@ -60,11 +63,12 @@ class ReceivedTopic:
         self._depth, self._chosen = depth, request is None
         # By the monotonic clock [s]: when every publisher that was there is known, and when as many
         # as are known should be connected.
-        self._settled_at = time.monotonic() + _DISCOVERY
+        self._settled_at = time.monotonic() + DISCOVERY
         self._matched_by = inf
         self.endpoints = self.publishers()  # publishers that were found last
         known = self.endpoints or node.get_subscriptions_info_by_topic(name)
         self.request = request or request_for([each.qos_profile for each in known], depth)
+        self.gaps.from_first = new and not self.latched
         self.subscription = self._subscribe()
 
     @property

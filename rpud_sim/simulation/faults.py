@@ -79,6 +79,8 @@ class Fault:
                 f"{self} is rejected: it is the ground truth; "
                 f"channels that may fail are {', '.join(CHANNELS)}"
             )
+        if channel == "":
+            raise FaultError(f"{self.kind} needs a channel: one of {', '.join(CHANNELS)}")
         raise FaultError(
             f"channel of {self.kind} = {shown(channel)} is not one of "
             f"{', '.join(CHANNELS)}{suggestion(channel, CHANNELS)}"

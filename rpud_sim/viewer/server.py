@@ -77,6 +77,9 @@ class Place:
         return cls(port, address, "" if _is_own(address) else secrets.token_urlsafe(_TOKEN_BYTES))
 
 
+_PROXY = "; a proxy in between must keep the header Host"
+
+
 def _is_own(host: str) -> bool:
     """Whether only this machine has an address; no name but ``localhost`` is sure to be one."""
     with suppress(ValueError):
@@ -192,12 +195,12 @@ class _Guarded(web.RequestHandler):
         host = self.request.host.lower()
         origin = self.request.headers.get("Origin")
         if origin is not None and _parts(origin).netloc.lower() != host:
-            self._refuse(f"origin {origin!r:.200} is not this server")
+            self._refuse(f"origin {origin!r:.200} is not this server{_PROXY}")
         token = self.server.place.token
         cookie = f"rpud_watch_{self.server.port}"  # distinguishes several servers
         if not token:
             if not _is_own(_parts(f"//{host}").hostname or ""):
-                self._refuse(f"host {host!r:.200} is not this machine")
+                self._refuse(f"host {host!r:.200} is not this machine{_PROXY}")
             return
         known, given = self.get_cookie(cookie) or "", self.get_query_argument("token", "")
         if hmac.compare_digest(known.encode(), token.encode()):
@@ -208,7 +211,8 @@ class _Guarded(web.RequestHandler):
         self.set_cookie(cookie, given, httponly=True, samesite="Strict", path="/")
         # The address that stays in the history, and that others may see, has no token.
         rest = [pair for pair in parse_qsl(self.request.query) if pair[0] != "token"]
-        self.redirect(f"{self.request.path}{'?' if rest else ''}{urlencode(rest, safe='/')}")
+        page = self.request.path.rpartition("/")[2]  # a proxy may serve it below a path
+        self.redirect(f"./{page}{'?' if rest else ''}{urlencode(rest, safe='/')}")
         raise web.Finish
 
     def _refuse(self, reason: str) -> None:

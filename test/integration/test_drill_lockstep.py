@@ -63,12 +63,15 @@ def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
     assert state_of(client) == playing
     for refused in (try_step(client, 0.01), run_to(client, 1000 * SECOND)):
         assert refused.result.result == Result.RESULT_OPERATION_FAILED
-        assert refused.result.error_message == "it is playing, not paused"
+        assert refused.result.error_message == "it is playing, not paused, as after `rpud pause`"
     clock = client.listen("/clock")
     client.until(lambda: len(clock) > 10)
     assert client.set_state(stopped).result == Result.RESULT_OK
     assert client.set_state(stopped).result == already
-    assert try_step(client, 0.01).result.error_message == "it is stopped, not paused"
+    assert (
+        try_step(client, 0.01).result.error_message
+        == "it is stopped, not paused, as after `rpud pause`"
+    )
     client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
     assert stamps(client.status[-1:])[0] == 0
     assert client.set_state(paused).result == Result.RESULT_OK

@@ -42,6 +42,13 @@ def test_a_bag_holds_what_it_is_a_recording_of(process, tmp_path):
     recorder.wait_for_line("knows the parameters of /rpud/drill_node")
     recorder.interrupt()
     assert recorder.wait() == 0
+    mistyped = process("recorder", "contact_froce", "--out", tmp_path / "none")
+    named = "/rpud/contact_froce (did you mean /rpud/contact_force?)"
+    mistyped.wait_for_line(re.escape(f"not there yet: {named}"))
+    mistyped.interrupt()
+    assert mistyped.wait() == 1
+    assert f"never appeared: {named}: no bag is left" in mistyped.output
+    assert not (tmp_path / "none").exists()
     [manifest] = manifests(tmp_path / "run")
     assert manifest.node == "/rpud/drill_node"
     assert {name: manifest.parameters[name] for name in settings} == settings

@@ -84,7 +84,8 @@ def test_faults_are_injected_listed_and_cleared(rpud, fresh):
         ),
         (
             ["inject", "noise"],
-            "rpud inject: the drill rejects it: channel of noise = '' is not one",
+            "rpud inject: the drill rejects it: noise needs --channel; this drill has nodal_plane, "
+            "drill_tool, reacting_force, wrench, contact_force\n",
         ),
         (["clear", "7"], "rpud clear: the drill rejects it: there is no fault 7 to clear"),
         (["clear", "noise"], "rpud clear: the drill rejects it: no fault is active"),

@@ -54,7 +54,7 @@ def test_states_follow_each_other_and_steps_are_refused_unless_paused(client):
     assert state() == SimulationState.STATE_PLAYING
     refused = step(client, 1)
     assert refused.result == Result.RESULT_OPERATION_FAILED
-    assert refused.error_message == "it is playing, not paused"
+    assert refused.error_message == "it is playing, not paused, as after `rpud pause`"
     assert set_state(client, SimulationState.STATE_STOPPED) == Result.RESULT_OK
     assert state() == SimulationState.STATE_STOPPED
     unsupported = set_state(client, SimulationState.STATE_NO_WORLD)

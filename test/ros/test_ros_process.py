@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from importlib import metadata
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pytest
 from rpud_sim.bag import BagWriter
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.environment import StartError
-from rpud_sim.ros.process import StopRequest, start_ros
+from rpud_sim.ros.process import StopRequest, running_ros, start_ros
 
 SECURITY = {"ROS_SECURITY_ENABLE": "true"}
 
@@ -91,6 +92,16 @@ def test_a_domain_that_cannot_be_is_refused_in_one_line(monkeypatch):
         ParameterError, match=r"^ROS_DOMAIN_ID = 300 is outside its range \[0, 232\]$"
     ):
         start_ros()
+
+
+def test_a_response_that_nobody_takes_is_a_line_of_the_log(capfd):
+    shown = warnings.showwarning
+    with running_ros():
+        # As rclpy warns; Python shows a warning once for each place.
+        warnings.showwarning("failed to send response (timeout): x", RuntimeWarning, "f.py", 1)
+    error = capfd.readouterr().err
+    assert error.endswith("[rpud_sim]: a client did not take its response: it may have ended\n")
+    assert warnings.showwarning is shown
 
 
 def test_a_parameter_file_that_is_a_fifo_is_refused_without_waiting(tmp_path):

@@ -99,7 +99,7 @@ def test_what_one_entry_draws_does_not_depend_on_the_others(file):
     [
         ("", ":1: the file is not a mapping"),
         ("{}", ":1: faults is missing"),
-        ("faults: [{kind: off, onset: 1}]", ":1: channel of off = '' is not one of "),
+        ("faults: [{kind: off, onset: 1}]", ":1: off needs a channel: one of "),
         (
             "faults: [{kind: choking, onset: 2}, {kind: choking, onset: 1, duration: 1.5}]",
             ":1: choking begins while entry 2 is active",

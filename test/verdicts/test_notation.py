@@ -162,7 +162,7 @@ REFUSED = {
     "faults.faults < 3": "is a list of messages, not a signal; use fault, onset or cleared",
     "nonsense": "is not a comparison, as reacting_force.force < 45 N",
     "{fault: free_mass_jamed}": "did you mean free_mass_jammed?",
-    "{fault: noise}": "channel of noise = '' is not one of",
+    "{fault: noise}": "noise needs a channel: one of",
     "{allways: status.impacts > 3}": "'allways' begins no formula; did you mean always?",
     "{always: status.impacts > 3, witin: 1 s}": "'witin' is not a key here; did you mean within?",
     "{always: status.impacts > 3, within: 3 N}": "within is in s, given 3 N",

@@ -56,7 +56,7 @@ def test_an_action_that_waited_too_long_is_not_carried_out(monkeypatch):
         ("share = 3 is outside its range [0, 1]", "3 is above 1"),
         ("seconds = 0 s is outside its range (0, 1000] s",) * 2,
         ("mass = nan kg is outside its range (0, 100] kg",) * 2,
-        ("it is playing, not paused",) * 2,
+        ("it is playing, not paused, as after `rpud pause`",) * 2,
     ],
 )
 def test_a_refusal_is_said_in_few_words(reason, text):

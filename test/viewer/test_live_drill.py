@@ -106,7 +106,10 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
     assert outcome_of(client, "press", force=21.0)[0] == "done"
     assert outcome_of(client, "press", force=-1.0) == ("refused", "-1 N is below 0 N")
     assert outcome_of(client, "press", force=9999) == ("refused", "9999 N is above 1000 N")
-    assert outcome_of(client, "step", seconds=1.0) == ("refused", "it is playing, not paused")
+    assert outcome_of(client, "step", seconds=1.0) == (
+        "refused",
+        "it is playing, not paused, as after `rpud pause`",
+    )
     assert outcome_of(client, "press", force="a")[1] == "force = 'a' is not a number"
     assert [
         each for each in client.seen["log"] if each["kind"] == "command"

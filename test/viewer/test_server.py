@@ -19,6 +19,8 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.frames import StoreError, View, encode
 from rpud_sim.viewer.server import PageServer, Place, ServerError
 
+PROXY = "; a proxy in between must keep the header Host"
+
 
 class Numbers:
     """Store that counts; it has drills ``/a`` and ``/b``."""
@@ -83,14 +85,20 @@ def test_every_address_of_this_machine_alone_answers_as_it_is_printed(store):
         connection.close()
 
 
+def test_the_page_works_below_a_path():
+    for file in Path(rpud_sim.viewer.__file__).parent.joinpath("share").glob("*.*"):
+        if file.suffix in (".js", ".html", ".css"):
+            assert not re.search(r"[\"'`(=]/(frames|share|screen)\b", file.read_text()), file.name
+
+
 @pytest.mark.parametrize("path", ["/", "/screen", "/share/screen.js", "/frames"])
 def test_another_origin_and_another_host_are_refused(server, path):
     for host in ("[", "evil.example", "evil.example:80", "", "[::1"):
         response, body = answer(server, path, Host=host)
-        assert (response.status, body) == (403, f"host {host!r} is not this machine\n")
+        assert (response.status, body) == (403, f"host {host!r} is not this machine{PROXY}\n")
     for origin in ("http://evil.example", "http://[", "null", f"http://127.0.0.1:{server.port}1"):
         response, body = answer(server, path, Origin=origin)
-        assert (response.status, body) == (403, f"origin {origin!r} is not this server\n")
+        assert (response.status, body) == (403, f"origin {origin!r} is not this server{PROXY}\n")
 
 
 @pytest.mark.parametrize(
@@ -133,7 +141,7 @@ def test_others_need_the_token_which_becomes_a_cookie(store):
             response, body = answer(server, f"{path}?token=wrong")
             assert (response.status, body.partition(":")[0]) == (403, "this is not its token")
         response, _ = answer(server, "/screen?namespace=/a&token=secret", Host="anything")
-        assert (response.status, response.headers["Location"]) == (302, "/screen?namespace=/a")
+        assert (response.status, response.headers["Location"]) == (302, "./screen?namespace=/a")
         cookie = response.headers["Set-Cookie"]
         assert "HttpOnly" in cookie
         assert "SameSite=Strict" in cookie

@@ -61,6 +61,7 @@ class TimeSource:
         # How another's ``/clock`` has jumped since the latest origin; empty if it has not.
         self.jumped = ""
         self._latest = 0  # time of its last tick [ns]
+        self._noted = False  # whether a pause was noted
         self._jumps = None
         if self.follows:
             every = JumpThreshold(
@@ -81,6 +82,15 @@ class TimeSource:
         """Return the stamp of time zero for a time now [ns]; ``own`` of a source of the clock."""
         self.jumped = ""
         return own if self._publishes else self._now() - time
+
+    def note_pause(self) -> None:
+        """Say at the first pause that stamps lag from now on, if they are of no ``/clock``."""
+        if not (self._publishes or self.follows or self._noted):
+            self._noted = True
+            self._logger.info(
+                "paused: from now on stamps are behind the clock of this machine, and tf and "
+                "message filters may drop them; with publish_clock other nodes follow this time"
+            )
 
     def close(self) -> None:
         if self._jumps is not None:
@@ -258,6 +268,7 @@ class Timeline:
 
     def pause(self) -> None:
         """Pause time."""
+        self.source.note_pause()
         self._hold("the simulation was paused")
 
     def stop(self) -> None:
@@ -272,7 +283,7 @@ class Timeline:
             (self.goal is not None, "stepping already"),
         ):
             if holds:
-                raise ParameterError(f"it is {state}, not paused")
+                raise ParameterError(f"it is {state}, not paused, as after `rpud pause`")
         ahead = (goal - time) / SECOND
         if not 0.0 < ahead <= LONGEST_STEP:
             raise ParameterError(f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s")

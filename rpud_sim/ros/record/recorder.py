@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -24,8 +25,8 @@ from rpud_sim.ros.record.writing import Intake, WritingThread
 SKIPPED_RECORD = "rpud_skipped"
 
 _POLL_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
-_GRAPH_PERIOD = 0.25  # s
-_FIRST_GRAPH_PERIOD = 0.02  # s until it is ready: a topic is subscribed as soon as it is known
+_GRAPH_PERIOD = 0.25  # s between looks at what is known of each topic, when it is ready
+_LOOK_PERIOD = 0.02  # s between looks for topics: one is subscribed as soon as it is known
 _DISCOVERY_TIME = 3.5  # s until it is ready; the middleware announces itself every 3 s
 _SETTLING_TIME = 0.5  # s without a new topic until it is ready
 _DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
@@ -93,6 +94,9 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
     if writing.refusal:
         return RecordResult(text, f"stopped with a whole bag: {writing.refusal}")
     reason = failure(node, allow_empty=options.allow_empty)
+    if reason and not bag.message_count:
+        shutil.rmtree(bag.path)  # it would be in the way of the corrected call
+        return RecordResult("", f"{reason}: no bag is left")
     if not ticked:
         lacking = "nothing came on /clock, so log times are of this machine's clock"
         reason = "; ".join(filter(None, [reason, lacking]))
@@ -115,12 +119,17 @@ def _collect(
     """Record for the duration from when it is ready, or until the stop is requested."""
     progress, losses = _progress(node, bag), node.losses
     ready, ready_at = False, time.monotonic() + _DISCOVERY_TIME
-    follow_at, show_at = -inf, time.monotonic() + _SHOW_PERIOD
+    look_at = follow_at = -inf
+    show_at = time.monotonic() + _SHOW_PERIOD
     while not stop.requested:
         now = time.monotonic()
+        if now >= look_at:
+            look_at = now + _LOOK_PERIOD
+            if node.graph_changed:
+                follow_at = now
         if now >= follow_at:
             rests = ready and (node.clock.decided or not node.taken)
-            follow_at = now + (_GRAPH_PERIOD if rests else _FIRST_GRAPH_PERIOD)
+            follow_at = now + (_GRAPH_PERIOD if rests else _LOOK_PERIOD)
             new_losses = node.losses
             if new_losses != losses and any(each.total != 0 for each in new_losses.values()):
                 losses = new_losses  # into the bag now: a crash would cost those at its end
@@ -136,6 +145,8 @@ def _collect(
         journals.poll()
         if not ready and now >= ready_at:
             ready = True
+            if node.missing:
+                node.get_logger().warning(f"not there yet: {_missing(node)}")
             node.get_logger().info(f"recording {len(node.topics)} topics to {printable(bag.path)}")
             if options.ready_fd is not None:
                 with suppress(OSError):  # that process may have ended
@@ -198,13 +209,18 @@ def _lost(name: str, losses: Losses) -> list[str]:
     return lines
 
 
+def _missing(node: Recorder) -> str:
+    """Return the requested topics that have not appeared, each with the nearest one there is."""
+    known = [name for name, _ in node.get_topic_names_and_types()]
+    return ", ".join(name + suggestion(name, known) for name in node.missing)
+
+
 def failure(node: Recorder, *, allow_empty: bool) -> str:
     """Return why the bag is not as requested, in one line; empty if it is."""
     reasons = []
     known = [name for name, _ in node.get_topic_names_and_types()]
     if not allow_empty and node.missing:
-        named = (name + suggestion(name, known) for name in node.missing)
-        reasons.append(f"never appeared: {', '.join(named)}")
+        reasons.append(f"never appeared: {_missing(node)}")
     elif not allow_empty and not node.taken:
         prefix = node.get_namespace()
         spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})

@@ -30,7 +30,7 @@ from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, message_class, node_name
 from rpud_sim.ros.options import RecordOptions
-from rpud_sim.ros.received import ReceivedTopic, Sink
+from rpud_sim.ros.received import DISCOVERY, ReceivedTopic, Sink
 from rpud_sim.ros.record.declaration import declaration
 from rpud_sim.ros.record.log_clock import LogClock, ReceptionTime
 from rpud_sim.ros.record.writing import Intake
@@ -41,6 +41,8 @@ _BATCH_SIZE = 1000  # messages of one topic in one step, so that a fast one does
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
 
 _UNDECIDED = 0.2  # after the first message, in which a drill is found [s]
+_PATIENCE = 30.0  # with a drill, while only nodes come and go [s]
+_OF_EVERY_NODE = {"/rosout", "/parameter_events"}
 _TICKS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _STANDSTILL = 2.0  # between two calls, after which publishers may have dropped the recorder [s]
 _SILENCE = 3.0  # after it, in which a connected publisher should send something [s]
@@ -74,6 +76,9 @@ class Recorder(Node):
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self.topics: dict[str, ReceivedTopic] = {}  # that are subscribed
         self.further_types: dict[str, set[str]] = {}  # of these, which are not recorded
+        # When all that was there before is known, by the monotonic clock [s].
+        self._settled_at = time.monotonic() + DISCOVERY
+        self._graph: object = None  # topics with their types, at the last look
         self._declared: set[str] = set()  # topics that the bag has
         self._received: dict[str, int] = {}  # log time of the last message of each topic [ns]
         # topics, and further types of recorded ones, that are not recorded, with reasons
@@ -87,7 +92,8 @@ class Recorder(Node):
         self._ticks: Subscription | None = self.create_subscription(
             Clock, CLOCK, lambda _: None, _TICKS, raw=True
         )
-        self._begun_at = inf  # when the first message came, by the monotonic clock [s]
+        self._warned = False  # of a clock that came too late
+        self._decide_at = inf  # when no clock is waited for any more, by the monotonic clock [s]
         self._batch: list[Message] = []
         self._end = inf  # of the recording [ns since the epoch]
         # By the monotonic clock [s]: the last call, and the end of the latest standstill.
@@ -153,6 +159,12 @@ class Recorder(Node):
         """Return whether a drill with a topic of this absolute name belongs to the recording."""
         return self.wants(name) or name.startswith(self._prefix)
 
+    @property
+    def graph_changed(self) -> bool:
+        """Whether topics have come or gone since the last look."""
+        before, self._graph = self._graph, self.get_topic_names_and_types()
+        return before != self._graph
+
     def discover(self) -> bool:
         """Subscribe to wanted topics that have appeared or changed; return whether some are new."""
         self._note_standstill()
@@ -210,7 +222,7 @@ class Recorder(Node):
 
     def _choose_clock(self) -> None:
         """Take the clock of a drill that is the source of ``/clock``, else the machine's."""
-        if self.clock.decided or self._ticks is None:
+        if self.clock.simulated or self._warned:
             return
         drills = {
             node_name(each)
@@ -219,14 +231,26 @@ class Recorder(Node):
             for each in self.get_publishers_info_by_topic(topic)
         }
         sources = {node_name(each) for each in self.get_publishers_info_by_topic(CLOCK)}
-        if found := sorted(filter(None, drills & sources)):
+        found = sorted(filter(None, drills & sources))
+        if self.clock.decided:
+            if found:
+                self._warned = True
+                self.get_logger().warning(
+                    f"log times stay those of this machine, as {found[0]}, which publishes "
+                    f"{CLOCK}, came after the first messages: --use-sim-time waits for it"
+                )
+        elif found:
             self.clock.use_simulation()
             self.get_logger().info(f"log times come from {CLOCK}, which {found[0]} publishes")
         elif self.taken:
-            self._begun_at = min(self._begun_at, time.monotonic())
-            if time.monotonic() >= self._begun_at + _UNDECIDED:
+            now = time.monotonic()
+            self._decide_at = min(self._decide_at, now + _PATIENCE)
+            if self._received.keys() - _OF_EVERY_NODE:
+                self._decide_at = min(self._decide_at, now + _UNDECIDED)
+            if now >= self._decide_at:
                 self.clock.use_machine()
-                self.destroy_subscription(self._ticks)
+                if self._ticks is not None:
+                    self.destroy_subscription(self._ticks)
                 self._ticks = None
 
     def _note_standstill(self) -> None:
@@ -264,8 +288,9 @@ class Recorder(Node):
         reasons = []
         for type_name in types if name not in self.topics else ():
             try:
+                kind, new = message_class(type_name), time.monotonic() >= self._settled_at
                 self.topics[name] = ReceivedTopic(
-                    self, name, message_class(type_name), self._sink(name), depth=_DEPTH
+                    self, name, kind, self._sink(name), depth=_DEPTH, new=new
                 )
                 self.get_logger().info(f"subscribed {name} [{type_name}]")
                 break

@@ -293,7 +293,7 @@ def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]
             if name not in held:
                 has = listed(held)
                 hint = suggestion(name, held)
-                raise ParameterError(f"{option} names {name:.200}{hint}; {bag.path} has {has}")
+                raise BagError(f"{option} names {name:.200}{hint}; {bag.path} has {has}")
     return [
         summary
         for summary in bag.topics

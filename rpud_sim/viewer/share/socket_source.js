@@ -17,7 +17,7 @@ export class SocketSource {
   }
 
   connect() {
-    const socket = new WebSocket(new URL(`/frames${location.search}`, location.href.replace(/^http/, "ws")));
+    const socket = new WebSocket(new URL(`frames${location.search}`, location.href.replace(/^http/, "ws")));
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.wait = FIRST_WAIT;

@@ -183,6 +183,16 @@ def test_the_first_line_has_the_weight_on_bit_that_acts(make, capfd):
         assert f"regime drilling, weight on bit {weight}, drive on" in capfd.readouterr().err
 
 
+def test_the_first_pause_names_publish_clock_unless_there_is_a_clock(make, capfd):
+    lines = []
+    for values in ({}, {"publish_clock": True}):
+        drill = make(**values)
+        for _ in range(2):
+            pause(drill)
+        lines.append(capfd.readouterr().err.count("with publish_clock other nodes follow"))
+    assert lines == [1, 0]
+
+
 def test_a_step_that_could_not_deliver_says_what_a_running_subscriber_lacks(drill, monkeypatch):
     step, own = drill.step(20_000_000), drill.publishers.own
     own.overwritten.update(contact_force=7, wrench=2)
@@ -309,9 +319,12 @@ def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason)
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (play, "it is playing, not paused"),
-        (HALT, "it is stopped, not paused"),
-        (lambda drill: drill.step(PERIOD), "it is stepping already, not paused"),
+        (play, "it is playing, not paused, as after `rpud pause`"),
+        (HALT, "it is stopped, not paused, as after `rpud pause`"),
+        (
+            lambda drill: drill.step(PERIOD),
+            "it is stepping already, not paused, as after `rpud pause`",
+        ),
     ],
 )
 def test_only_a_paused_simulation_steps(drill, change, reason):

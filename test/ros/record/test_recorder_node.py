@@ -16,6 +16,7 @@ from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.ros.options import RecordOptions
+from rpud_sim.ros.record import recorder_node
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake
@@ -154,6 +155,23 @@ def test_log_times_are_of_the_drill_that_is_the_source_of_clock(peer, nodes, rec
     assert (recorder.clock.at(time.time_ns()) == 7_000_000_000) == of_drill
 
 
+def test_a_recorder_of_everything_waits_for_the_clock_of_a_drill(peer, record, monkeypatch, capfd):
+    recorder = record(everything=True)
+    peer.get_logger().info("a line on /rosout")
+    until(lambda: (recorder.discover(), recorder.receive(), recorder.taken)[-1])
+    monkeypatch.setattr(recorder_node, "_UNDECIDED", 0.0)
+    recorder.discover()
+    assert not recorder.clock.decided
+    monkeypatch.setattr(recorder_node, "_PATIENCE", 0.0)
+    recorder.discover()
+    assert recorder.clock.decided
+    peer.create_publisher(Status, "status", RELIABLE)
+    peer.create_publisher(Clock, "/clock", RELIABLE)
+    until(lambda: (recorder.discover(), recorder._warned)[-1])
+    assert not recorder.clock.simulated
+    assert "log times stay those of this machine, as /rpud/peer, which" in capfd.readouterr().err
+
+
 @pytest.mark.extended
 def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record):
     silent = peer.create_publisher(Int32, "silent", LATCHED)
@@ -236,3 +254,19 @@ def test_a_hidden_namespace_that_is_named_is_recorded(record, options):
     assert recorder.wants("/_drill/status")
     assert not recorder.wants("/_drill/_hidden/status")
     assert not recorder.wants("/_other/status")
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_first_messages_of_a_publisher_that_came_after_the_recorder_are_lost(
+    peer, record, monkeypatch, waits
+):
+    monkeypatch.setattr(recorder_node, "DISCOVERY", 0.0 if waits else 60.0)
+    recorder = record()
+    publisher = peer.create_publisher(Int32, "a", RELIABLE)
+    for number in range(3):
+        publisher.publish(Int32(data=number))
+    discovered(recorder, 1)
+    heard(publisher)
+    publisher.publish(Int32(data=4))
+    until(lambda: recorder.receive() and recorder.taken)
+    assert recorder.losses["/rpud/a"].total == (3 if waits else 0)
