@@ -208,7 +208,12 @@ def words() -> Iterator[str]:
     if count >= MOST_WORDS:
         yield f"all pages together have {count} words, not less than {MOST_WORDS}"
     for page in texts:
-        text = re.sub(r"```.*?```|`[^`\n]*`|\]\([^)]*\)", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        text = re.sub(
+            r"```.*?```|`[^`\n]*`|\]\([^)]*\)",
+            "",
+            page.read_text(encoding="utf-8"),
+            flags=re.DOTALL,
+        )
         yield from _unplain(page, text, {**EVERYWHERE, **PAGES})
     for file in sorted(MESSAGES.parent.glob("[ms][sr][gv]/*")):
         comments = "\n".join(re.findall(r"#(.*)", file.read_text(encoding="utf-8")))

@@ -1,7 +1,7 @@
 """Words and phrases that must not occur in texts, each with a plain one that replaces it.
 
-``check_repository.py`` looks for them in pages, help, comments of messages, docstrings, comments and
-texts of errors.
+``check_repository.py`` looks for them in pages, help, comments of messages, docstrings, comments
+and texts of errors.
 """
 
 EVERYWHERE = {
