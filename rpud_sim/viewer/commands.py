@@ -105,8 +105,8 @@ class Commands:
         """Return the fields ``log`` and ``log_thinned`` of a frame.
 
         ``faults`` are those of the frame. Their beginnings and ends replace what the
-        journal contains about faults. One entry replaces what the drill did by itself while commands
-        were lost, from and until [s].
+        journal contains about faults. One entry replaces what the drill did by itself while
+        commands were lost, from and until [s].
         """
         told = []
         for fault in faults:
