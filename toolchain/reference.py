@@ -69,11 +69,11 @@ def faults() -> Rows:
 
 
 def commands() -> str:
-    """Return every command but verbs with its arguments; options of three or more come first."""
+    """Return every command but verbs with its arguments; options of several come first."""
     chosen = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
     options = {n: dict(_arguments(p)) for n, p in chosen.choices.items() if n not in VERBS}
     count = Counter(option for each in options.values() for option in each.items())
-    shared = [option for option, number in count.items() if number > 2]
+    shared = [option for option, number in count.items() if number > 1]
     parts = ["### Options of several commands", table([("option", "meaning"), *shared])]
     for name, each in options.items():
         text = load_command(name).help
@@ -115,7 +115,12 @@ def faces() -> str:
     for name in ("simulate", "sweep", "open", "DrillRun", "DrillBag"):
         item = getattr(rpud_sim, name)
         if inspect.isclass(item):
-            rows = [("member", "meaning"), *_members(item)]
+            own = (
+                each
+                for each in _members(item)
+                if each[0].split("(")[0].strip("`") not in _LOW_LEVEL
+            )
+            rows = [("member", "meaning"), *own]
             parts.append(f"### {name}\n\n{_first_line(item)}\n\n{table(rows)}")
         else:
             call = f"rpud_sim.{name}{_signature(item)}"
@@ -123,13 +128,28 @@ def faces() -> str:
     return "\n\n".join(parts)
 
 
+# Members of an open bag that the commands use.
+_LOW_LEVEL = frozenset(
+    {"batches", "chunks", "compression", "readable_topics", "unread_offers", "damages", "end_time"}
+)
+# Members that the plugin and other commands use among themselves.
+_INTERNAL = frozenset(
+    {
+        *("await_connections", "await_delivery", "begin", "check_while_waiting", "client"),
+        *("disturb", "disturbed_steps", "found", "observe", "pid", "publishers", "record_attempt"),
+        *("renew", "status_number", "subscribe", "take", "telemetry", "verdict_lines"),
+        "wait_until",
+    }
+)
+
+
 def drills() -> Rows:
     """Return the members of the three classes that command a drill, and which of them have each."""
     kinds = (rpud_sim.Drill, LockstepDrill, DrillClient)
     members = [dict(_members(kind)) for kind in kinds]
-    names = sorted({name.strip("`").partition("(")[0] for each in members for name in each})
+    names = {name.strip("`").partition("(")[0] for each in members for name in each}
     rows = [("member", "meaning", "of")]
-    for name in names:
+    for name in sorted(names - _INTERNAL):
         found = [
             next((item for item in each.items() if re.match(rf"`{name}\b", item[0])), None)
             for each in members

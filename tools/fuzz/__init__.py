@@ -11,7 +11,7 @@ class Way:
     """Counts of the inputs that took one way."""
 
     inputs: int = 0
-    rejected: int = 0
+    refused: int = 0
     slowest: float = 0.0  # [s]
     largest: float = 0.0  # memory of a process of its own [MB]
 
@@ -23,7 +23,7 @@ class Outcome:
         self.ways: dict[str, Way] = {}
         self.harms: list[str] = []
 
-    def add(self, way: str, rejected: bool, seconds: float, memory: float = 0.0) -> None:
+    def add(self, way: str, refused: bool, seconds: float, memory: float = 0.0) -> None:
         """Count one input."""
         each = self.ways.setdefault(way, Way())
         each.inputs, each.refused = each.inputs + 1, each.refused + rejected
