@@ -26,7 +26,7 @@ class Outcome:
     def add(self, way: str, refused: bool, seconds: float, memory: float = 0.0) -> None:
         """Count one input."""
         each = self.ways.setdefault(way, Way())
-        each.inputs, each.refused = each.inputs + 1, each.refused + rejected
+        each.inputs, each.refused = each.inputs + 1, each.refused + refused
         each.slowest, each.largest = max(each.slowest, seconds), max(each.largest, memory)
 
     def show(self) -> None:
