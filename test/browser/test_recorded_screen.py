@@ -209,6 +209,36 @@ def test_two_cursors_show_their_difference_and_a_click_on_the_legend_hides_a_lin
     page.assert_quiet()
 
 
+def fingers(page, selector, *places):
+    """Put fingers on a plot, by their shares of its width, and move them from place to place."""
+    box = page.tab.locator(f"{selector} .u-over").bounding_box()
+    touch = page.tab.context.new_cdp_session(page.tab)
+
+    def send(kind, shares):
+        x, y = box["x"], box["y"] + 0.5 * box["height"]
+        points = [
+            {"x": x + share * box["width"], "y": y, "id": n} for n, share in enumerate(shares)
+        ]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    send("touchStart", places[0])
+    for shares in places[1:]:
+        send("touchMove", shares)
+    send("touchEnd", [])
+
+
+def test_fingers_move_and_stretch_the_view(recorded):
+    page = recorded(width=PHONE, has_touch=True)
+    of_screen(page, "screen.zoom(4, 6)")
+    page.tab.locator("[data-plot=load]").scroll_into_view_if_needed()
+    fingers(page, "[data-plot=load]", [0.5], [0.6], [0.75])
+    assert view_of(page) == pytest.approx([3.5, 5.5], abs=0.05)
+    of_screen(page, "screen.zoom(4, 6)")
+    fingers(page, "[data-plot=load]", [0.4, 0.6], [0.35, 0.65], [0.3, 0.7])
+    assert view_of(page) == pytest.approx([4.5, 5.5], abs=0.05)
+    page.assert_quiet()
+
+
 def test_a_view_is_kept_in_the_address_and_saved_as_table_and_picture(recorded, drilled):
     page = recorded()
     page.tab.locator("[data-plot=more] select").select_option(label="positions")

@@ -7,8 +7,7 @@ import { LONG, clockText, colourOf, inWords, timeText } from "./quantities.js";
  *   frames of a run have said, the second cursor, and the time of the motion that is shown
  * @typedef {{start: number, end: number}} Range
  * @typedef {{zoom: (start: number, end: number) => void, look: (zoomed: Range | null) => void,
- *   point: (time: number | null) => void, click: (time: number) => void, move: (shift: number) => void,
- *   mark: (time: number) => void}} Listener hands of the reader
+ *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
  */
 
 export const AXIS = 52; // width of every axis of values, as --axis [px]
@@ -74,19 +73,7 @@ export function sharedCursor(listener) {
     sync: { key: "time", scales: ["x", null], filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" } },
     bind: {
       dblclick: () => () => (listener.look(null), null),
-      mousedown: (plot, _, handler) => (event) => {
-        if (!event.shiftKey || event.button) return handler(event);
-        let [from, moved] = [event.clientX, false];
-        const release = new AbortController();
-        document.addEventListener("mousemove", ({ clientX }) => {
-          moved ||= Math.abs(clientX - from) > 3;
-          if (!moved) return;
-          listener.move(plot.posToVal(from, "x") - plot.posToVal(clientX, "x"));
-          from = clientX;
-        }, release);
-        document.addEventListener("mouseup", () => (release.abort(), moved || listener.mark(plot.posToVal(plot.cursor.left ?? 0, "x"))), release);
-        return null;
-      },
+      mousedown: (_, __, handler) => (event) => (event.shiftKey ? null : handler(event)), // that moves the view
     },
   };
   return {

@@ -64,7 +64,7 @@ export function mountMotion(element, clock) {
     ctx.save();
     Object.assign(ctx, { font: `${12 * ratio}px system-ui, sans-serif`, textBaseline: "middle", textAlign: "center", fillStyle: colourOf("text") });
     if (!block) ctx.fillText("no waveform yet", bbox.left + bbox.width / 2, bbox.top + bbox.height / 2);
-    else if (block.impacts.length) ctx.fillText("kN", bbox.left - 14 * ratio, base - 6 * ratio);
+    else if (block.impacts.length) ctx.fillText(quantityOf("peak_force").unit, bbox.left - 14 * ratio, base - 6 * ratio);
     const { credible } = quantityOf("peak_force"), strongest = Math.max(...(block?.impacts ?? []).map(([, peak]) => (peak < credible ? peak : 0)), 1), struck = block ? motionStruck(block) : [];
     let free = bbox.left - 2 * ratio;
     ctx.fillStyle = colourOf("force");
@@ -75,7 +75,7 @@ export function mountMotion(element, clock) {
       const tool = block.drill_tool[Math.min(Math.round(time / block.period), block.drill_tool.length - 1)];
       ctx.arc(x, valToPos(tool * quantityOf("drill_tool").scale, "y", true), 2.5 * ratio, 0, 7);
       ctx.fill();
-      const text = !peak ? "" : Math.abs(peak) > credible ? "garbage" : (peak / 1e3)[peak < 50 ? "toPrecision" : "toFixed"](1), half = ctx.measureText(text).width / 2;
+      const text = peak ? valueText("peak_force", peak, false) : "", half = ctx.measureText(text).width / 2;
       const middle = Math.min(Math.max(x, bbox.left + half), right - half);
       if (middle - half < free) return;
       ctx.fillText(text, middle, base - height - 7 * ratio);

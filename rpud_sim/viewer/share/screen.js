@@ -109,8 +109,7 @@ class Screen {
   connect(open, reason) {
     document.documentElement.dataset.connection = open ? "open" : "closed";
     this.gone = open ? "" : this.gone || new Date().toLocaleTimeString();
-    this.reason = reason;
-    this.heard = performance.now();
+    [this.reason, this.heard] = [reason, performance.now()];
     this.watch();
     if (!open) return;
     this.ask();
@@ -334,13 +333,10 @@ class Screen {
     /** @type {Record<string, () => void>} */
     const keys = {
       ArrowLeft: () => this.move(-0.25 * this.span), ArrowRight: () => this.move(0.25 * this.span),
-      "+": () => this.scale(1 / ZOOM), "-": () => this.scale(ZOOM),
-      Home: () => this.look(null),
-      n: () => this.playhead.jump("next"), p: () => this.playhead.jump("previous"),
-      " ": () => this.playhead.toggle(),
+      "+": () => this.scale(1 / ZOOM), "-": () => this.scale(ZOOM), Home: () => this.look(null),
+      n: () => this.playhead.jump("next"), p: () => this.playhead.jump("previous"), " ": () => this.playhead.toggle(),
       m: () => this.mark(Number.isFinite(this.pointed) ? this.pointed : this.past ? this.playhead.time : this.seen.now ?? 0),
-      ",": () => this.step(-0.01), ".": () => this.step(0.01),
-      "?": () => element("keys").showPopover(),
+      ",": () => this.step(-0.01), ".": () => this.step(0.01), "?": () => element("keys").showPopover(),
     };
     document.addEventListener("keydown", (event) => {
       const busy = event.target instanceof Element && event.target.closest(`input, select, [popover], .wide${event.key === " " ? ", button, summary" : ""}`);
@@ -358,7 +354,24 @@ class Screen {
       const { left, width } = event.target.closest("#plots .u-over")?.getBoundingClientRect() ?? { left: 0, width: 0 };
       this.scale(Math.exp(0.002 * event.deltaY), width ? this.range.start + ((event.clientX - left) / width) * this.span : undefined);
     };
-    for (const id of ["plots", "timeline"]) element(id).addEventListener("wheel", wheel, { passive: false });
+    /** @type {Map<number, number>} */ const held = new Map(); // places by pointer [px]: fingers, or the mouse with Shift
+    let moved = false;
+    const hold = (/** @type {PointerEvent} */ event) => {
+      const { type, target, pointerId: number, clientX, shiftKey } = event, area = target instanceof Element && target.closest(".u-over");
+      if (!area || (type === "pointerdown" ? event.button || (event.pointerType !== "touch" && !shiftKey) : !held.has(number))) return;
+      if (type === "pointerdown") return area.setPointerCapture(number), (moved = false), void held.set(number, clientX);
+      const { left, width } = area.getBoundingClientRect(), [first, last] = area.closest("#timeline") ? this.extent : [this.range.start, this.range.end];
+      const timeAt = (/** @type {number} */ x) => first + ((x - left) / width) * (last - first), before = [...held.values()];
+      if (type !== "pointermove") return held.delete(number), moved || !shiftKey || this.mark(timeAt(clientX));
+      if (!(moved ||= held.size > 1 || Math.abs(clientX - before[0]) > 3)) return;
+      const now = [...held.set(number, clientX).values()], [from, to] = [before, now].map((each) => each.reduce((sum, x) => sum + x / each.length, 0));
+      this.move(timeAt(from) - timeAt(to));
+      if (now.length === 2) this.scale(Math.abs((before[0] - before[1]) / (now[0] - now[1] || 1)), timeAt(from)); // what is below the fingers stays there
+    };
+    for (const id of ["plots", "timeline"]) {
+      element(id).addEventListener("wheel", wheel, { passive: false });
+      for (const kind of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) element(id).addEventListener(kind, hold);
+    }
   }
 }
 
