@@ -115,6 +115,17 @@ def test_what_is_altered_or_added_is_named(
     assert (difference.computed is None) == bool(unexpected)
 
 
+_NANS = "000000000000f87f", "010000000000f87f"
+
+
+def test_a_nan_with_other_bits_is_another_value():
+    codec = Codec("std_msgs/msg/Float64", "float64 data")
+    one, other = (codec.decode(bytes.fromhex(f"00010000{bits}")) for bits in _NANS)
+    bits = "nan (bits 7ff8000000000000)", "nan (bits 7ff8000000000001)"
+    assert first_field(one, other) == ("data", *bits)
+    assert first_field(one, one) is None
+
+
 def test_padding_between_fields_is_ignored(bag, tmp_path):
     codec = Codec("rpud_msgs/msg/ReactingForce", find_definition("rpud_msgs/msg/ReactingForce"))
     original = messages_of(bag, {"/rpud/reacting_force"})[3].data

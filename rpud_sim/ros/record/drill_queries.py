@@ -115,6 +115,8 @@ class JournalQuery:
         self._latest: dict[str, JournalEntry] = {}
         self._seen: dict[str, dict[int, int]] = {}
         self._asking: list[tuple[str, Steps]] = []  # topics, and the steps of asking
+        self._status: dict[str, bytes] = {}  # the latest one of each drill, by its journal's topic
+        self._answered_at = -inf  # when a drill answered last, by the monotonic clock [s]
         node.intake.observe(self._find_gap)
 
     def poll(self) -> None:
@@ -128,11 +130,18 @@ class JournalQuery:
                     self._asking.append((topic, steps))
 
     def finish(self, seconds: float) -> None:
-        """Wait some seconds for the answers of drills that are there."""
-        deadline = time.monotonic() + seconds
+        """Ask for what the last status counts, too; wait for drills that answer in some seconds."""
+        for topic, data in self._status.items():
+            with self._node.guard(f"the last status beside {topic}"):
+                status = self._node.topics[topic.removesuffix("journal") + "status"]
+                counted = int(deserialize_message(data, status.kind).journal_entries)
+                before = self._latest.get(topic)
+                if before is not None and before.sequence + 1 < counted:
+                    self._asking.append((topic, self._ask(topic, before, None, counted)))
+        self._answered_at = time.monotonic()
         self.poll()
         while (
-            time.monotonic() < deadline
+            time.monotonic() < self._answered_at + seconds
             and not self._node.intake.paused
             and any(self._services(topic) for topic, _ in self._asking)
         ):
@@ -153,6 +162,8 @@ class JournalQuery:
 
     def _find_gap(self, message: Message) -> None:
         topic = self._node.topics.get(message.topic)
+        if topic is not None and topic.type == STATUS:
+            self._status[f"{message.topic.rpartition('/')[0]}/journal"] = message.data
         if topic is None or topic.type != _JOURNAL:
             return
         with self._node.guard(f"an entry of {message.topic}"):
@@ -167,10 +178,16 @@ class JournalQuery:
             seen[int(entry.sequence)] = hash(message.data)
             self._latest[message.topic] = entry
             if entry.sequence > (before.sequence + 1 if before else 0):
-                self._asking.append((message.topic, self._ask(message.topic, before, entry)))
+                steps = self._ask(message.topic, before, entry, int(entry.sequence))
+                self._asking.append((message.topic, steps))
 
-    def _ask(self, topic: str, before: JournalEntry | None, after: JournalEntry) -> Steps:
-        """Ask the drills of a topic for what is missing between two entries, until one has it."""
+    def _ask(
+        self, topic: str, before: JournalEntry | None, after: JournalEntry | None, end: int
+    ) -> Steps:
+        """Ask the drills of a topic for what is missing between two entries, until one has it.
+
+        ``end`` is the number of the second one, which may be missing, too.
+        """
         from rpud_msgs.srv import GetJournal  # others are recorded without it
 
         node = self._node
@@ -182,7 +199,7 @@ class JournalQuery:
                     clients[name] = node.create_client(GetJournal, name)
                 for name in clients.keys() - others:
                     if clients[name].service_is_ready():
-                        if (yield from self._fill(topic, clients[name], before, after)):
+                        if (yield from self._fill(topic, clients[name], before, after, end)):
                             return
                         others.add(name)
                 yield
@@ -191,21 +208,29 @@ class JournalQuery:
                 node.destroy_client(client)
 
     def _fill(
-        self, topic: str, client: Client, before: JournalEntry | None, after: JournalEntry
+        self,
+        topic: str,
+        client: Client,
+        before: JournalEntry | None,
+        after: JournalEntry | None,
+        end: int,
     ) -> Generator[None, None, bool]:
         """Record what is missing between two entries; return False if it is another journal."""
 
         def page(first: int) -> Generator[None, None, list[tuple[JournalEntry, int]]]:
             kind: Any = client.srv_type
             response = yield from _response(self._node, client, kind, kind.Request(first=first))
+            self._answered_at = time.monotonic()
             return list(zip(response.entries, response.publish_times, strict=True))
 
-        first, end = 0, int(after.sequence)
-        if [entry for entry, _ in (yield from page(end))[:1]] != [after]:
+        first = 0
+        if after is not None and [entry for entry, _ in (yield from page(end))[:1]] != [after]:
             return False
         if before is not None:
             # Another one if the drill has been started again, and its beginning did not come.
             found = [entry for entry, _ in (yield from page(int(before.sequence)))[:1]]
+            if after is None and found != [before]:
+                return False
             first = int(before.sequence) + 1 if found == [before] else 0
         missing = wanted = end - first
         while first < end:

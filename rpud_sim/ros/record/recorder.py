@@ -30,7 +30,7 @@ _LOOK_PERIOD = 0.02  # s between looks for topics: one is subscribed as soon as 
 _DISCOVERY_TIME = 3.5  # s until it is ready; the middleware announces itself every 3 s
 _SETTLING_TIME = 0.5  # s without a new topic until it is ready
 _DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
-_JOURNAL_TIME = 5.0  # s in which drills return the last entries that are missing
+_JOURNAL_TIME = 10.0  # s that a drill may take to return further entries that are missing
 _SHOW_PERIOD = 1.0  # of lines about the progress [s]
 
 

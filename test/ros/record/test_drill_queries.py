@@ -1,11 +1,13 @@
 """The recorder asks a drill for the entries of its journal that did not come. Over real DDS."""
 
+import threading
+
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
-from rpud_msgs.msg import JournalEntry
+from rpud_msgs.msg import JournalEntry, Status
 from rpud_msgs.srv import GetJournal
 from support import until
 
@@ -84,6 +86,11 @@ def recording(nodes):
     return recording
 
 
+def spun(drill):
+    drill.executor.spin_once(timeout_sec=0.001)
+    return True
+
+
 def until_complete(drill, recording, count):
     def complete():
         recording.turn()
@@ -103,6 +110,23 @@ def test_a_late_recorder_gets_all_entries_with_their_publishing_times(drill, rec
     drill.note(5, "drive")
     until_complete(drill, recording, 40)
     assert drill.asked == [33, 0, 10, 20, 30]
+
+
+def test_entries_that_the_last_status_counts_are_asked_for_at_the_end(drill, recording):
+    statuses = drill.node.create_publisher(Status, "status", LATCHED)
+    drill.note(2, "drive")
+    until_complete(drill, recording, 2)
+    drill.journal += [JournalEntry(sequence=number, kind="feed") for number in range(2, 30)]
+    statuses.publish(Status(journal_entries=30))
+    until_complete(drill, recording, 3)
+    thread = threading.Thread(target=lambda: until(lambda: spun(drill) and len(drill.asked) == 4))
+    thread.start()
+    recording.query.finish(30.0)
+    thread.join()
+    recording.turn()
+    journal = [each for each in recording.messages if each.topic == "/rpud/journal"]
+    numbers = [deserialize_message(each.data, JournalEntry).sequence for each in journal]
+    assert numbers == list(range(30))
 
 
 def test_entries_that_the_drill_has_dropped_are_named(drill, recording, capfd):
