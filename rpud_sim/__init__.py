@@ -5,7 +5,7 @@
     import rpud_sim
 
     run = rpud_sim.simulate(20, weight_on_bit=20)     # 20 s at 20 N
-    run.figures["drill_tool_impact_rate"]             # 1/s
+    run.metrics["drill_tool_impact_rate"]             # 1/s
     run["contact_force"]["peak_force"]                # a NumPy array [N]
     run.plot()
 

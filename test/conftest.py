@@ -57,6 +57,11 @@ settings.register_profile("many", deadline=None, print_blob=True)
 settings.load_profile("many" if MANY_EXAMPLES else "few")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the longest test first, so that the others run beside it and none waits for it."""
+    items.sort(key=lambda item: item.name != "test_every_command_runs_and_prints_what_is_shown")
+
+
 @pytest.fixture(scope="session")
 def drill_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the bag of a drill of 0.2 s; tests alter copies of it."""

@@ -47,8 +47,8 @@ class Number:
         if kind == "greatest":
             return float(np.abs(run.waveform(_SAMPLE_RATE)[detail]).max())
         if kind == "energy":
-            return float(run.figures["kinetic_energy_rate"] * run.duration)
-        value = run.figures[kind]
+            return float(run.metrics["kinetic_energy_rate"] * run.duration)
+        value = run.metrics[kind]
         return np.nan if value is None else float(value)
 
 

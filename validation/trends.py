@@ -94,7 +94,7 @@ def run_studies(base: Parameters, members: int, duration: float, seed: int) -> l
 def _outputs(drill: Parameters, phase: float, duration: float) -> list[float]:
     """Return the outputs of a run after it has settled: the whole run less its beginning."""
     times = SETTLING, SETTLING + duration
-    early, late = (run.figures for run in runs_of(drill, phase, *times))
+    early, late = (run.metrics for run in runs_of(drill, phase, *times))
 
     def after(name: str, *weights: float) -> float:
         total = weights[1] * late[name] - weights[0] * (early[name] or 0.0)

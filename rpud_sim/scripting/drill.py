@@ -96,7 +96,7 @@ class Drill:
 
     @property
     def run(self) -> DrillRun:
-        """The run so far: figures, topics, waveforms, plots."""
+        """The run so far: metrics, topics, waveforms, plots."""
         self._journal.drain()
         seen = (self._run.time, self._journal.count)
         if seen != self._seen:

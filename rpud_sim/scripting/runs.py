@@ -1,4 +1,4 @@
-"""Runs in scripts: figures, columns of topics, waveforms and plots, simulated or recorded."""
+"""Runs in scripts: metrics, columns of topics, waveforms and plots, simulated or recorded."""
 
 from __future__ import annotations
 
@@ -195,11 +195,17 @@ class DrillRun:
         return tuple(sorted(kept_topics(self.parameters)))
 
     @cached_property
-    def figures(self) -> dict[str, Any]:
-        """Figures of the run in SI units, named as ``rpud simulate --json`` names them."""
+    def metrics(self) -> dict[str, Any]:
+        """Metrics of the run in SI units, named as in ``rpud simulate --json``."""
         metrics = Metrics()
         self._advance(metrics.add)
         return _Figures(metrics.to_dict())
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Old name of ``metrics``, until the next release."""
+        warnings.warn("figures is now metrics", DeprecationWarning, stacklevel=2)
+        return self.metrics
 
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""
@@ -270,7 +276,7 @@ class DrillRun:
         units = {"duration": "s", **METRICS}
         rows = "".join(
             f"<tr><td>{escape(name)}</td><td>{value:.6g} {escape(units[name])}</td></tr>"
-            for name, value in self.figures.items()
+            for name, value in self.metrics.items()
             if name in units and value is not None
         )
         try:

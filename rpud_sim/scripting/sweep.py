@@ -30,7 +30,7 @@ _SEEDS = Quantity("", "number of runs at each point", 1, 1e6, whole=True)
 _TASK = 20.0  # simulated time of a task, about: long beside the way to a worker [s]
 _TASKS = 64  # of a small sweep, so that several workers have work
 _DELAY = 2.0  # until a terminal shows the progress [s]
-_UNITS = {**METRICS, "depth": "m", "penetration_rate": "m/s"}  # of the figures of a run
+_UNITS = {**METRICS, "depth": "m", "penetration_rate": "m/s"}  # of the metrics of a run
 
 
 def sweep(
@@ -38,8 +38,8 @@ def sweep(
 ) -> pandas.DataFrame:
     """Simulate the drill at many points, and return a frame with a row for each point and seed.
 
-    A row has the point, the seed, the figures of the run, and why it failed, if it did; then it has
-    no figures. ``frame.attrs["units"]`` has the units. The bits do not depend on the executor.
+    A row has the point, the seed, the metrics of the run, and why it failed, if it did; then it has
+    no metrics. ``frame.attrs["units"]`` has the units. The bits do not depend on the executor.
 
     Args:
         points: values by parameter, of which each combination is a point; or the points themselves,
@@ -110,7 +110,7 @@ def _run(number: int, point: Mapping[str, Any], duration: float, seed: int) -> D
         raise ParameterError(reason) from None
 
 
-Result = tuple[dict[str, float], str | None]  # figures, and why there are none
+Result = tuple[dict[str, float], str | None]  # metrics, and why there are none
 
 
 def _results(runs: Sequence[DrillRun], executor: Any) -> Iterator[Result]:
@@ -143,7 +143,7 @@ def _figures(runs: Sequence[DrillRun], versions: Mapping[str, str]) -> list[Resu
     for run in runs:
         try:
             found.append(
-                ({name: run.figures[name] for name in _UNITS if name in run.figures}, None)
+                ({name: run.metrics[name] for name in _UNITS if name in run.metrics}, None)
             )
         except Exception as error:
             found.append(({}, _reason(error)))

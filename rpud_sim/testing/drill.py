@@ -60,7 +60,7 @@ class LockstepDrill(Lockstep):
 
     A step is over when every declared answer of the nodes under test is here, and the drill has all
     of their commands. What the drill publishes is computed in the test's process when it is asked
-    for, with the same bits. So a test gives the same result on every machine, at any load.
+    for, with the same bits. If the nodes keep the rules, the result is the same at any load.
     Commands start in ``folder``; None is the working directory.
     """
 

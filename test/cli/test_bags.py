@@ -148,7 +148,7 @@ def test_a_bag_that_lacks_its_tail_gives_1_and_the_number(drill_bag, tmp_path, r
     code, out, err = rpud("verify", path)
     assert (code, err) == (1, "")
     *_, missing, verdict = out.splitlines()
-    assert missing == "/rpud/wrench: 15 messages are missing at the end, while the drill went on"
+    assert missing == "/rpud/wrench: 15 messages are missing at the end, while the drill continued"
     assert re.match(r"incomplete: (\d+) of \d+ messages were recorded, each equal, 0.200", verdict)
     content = json.loads(rpud("verify", path, "--json")[1])
     assert (content["proved"], content["undecided"]) == (False, "")

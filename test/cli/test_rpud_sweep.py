@@ -20,7 +20,7 @@ def test_a_grid_is_a_file_with_a_row_for_each_run(rpud, tmp_path, ending):
     assert head.startswith("weight_on_bit [N]  contact_model  drill_tool_impact_rate [1/s]  ")
     assert (len(rows), count, path) == (4, "8 runs, 0 failed", str(file))
     frame = pandas.read_csv(file) if ending == "csv" else pandas.read_parquet(file)
-    figures = rpud_sim.simulate(0.2, seed=1, weight_on_bit=20, contact_model="given").figures
+    figures = rpud_sim.simulate(0.2, seed=1, weight_on_bit=20, contact_model="given").metrics
     (row,) = frame.query("weight_on_bit == 20 and contact_model == 'given' and seed == 1").iloc
     assert row["contact_force_mean"] == figures["contact_force_mean"]
 

@@ -206,12 +206,12 @@ def test_momentum_and_energy_that_leave_one_simulator_arrive_in_the_other(press)
     print(f"momentum {given - kept:.5g} N s from MuJoCo, {impulse:.5g} N s by impacts")
     assert impulse == pytest.approx(given - kept, rel=1e-4)
     # Energy: work of the mount in MuJoCo, and that which the drill took.
-    account = drill.run.figures["feed_account"]
+    account = drill.run.metrics["feed_account"]
     work = (force * (place - before)).sum()
     throughput = np.abs(force * (place - before)).sum()
     print(f"work of the mount {work:.4g} J in MuJoCo, {account['feed_work']:.4g} J in the drill")
     assert account["feed_work"] == pytest.approx(work, abs=0.02 * throughput)
-    assert abs(account["coupling"]) < 0.02 * drill.run.figures["energy_account"]["actuator_work"]
+    assert abs(account["coupling"]) < 0.02 * drill.run.metrics["energy_account"]["actuator_work"]
 
 
 def test_over_ros_the_arm_is_the_clock_of_the_drill_and_its_part_is_proved(press, tmp_path):

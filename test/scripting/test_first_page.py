@@ -44,7 +44,7 @@ def test_its_figures_are_those_of_the_command(run, capsys):
         main(words)
     assert ended.value.code == 0
     printed = json.loads(capsys.readouterr().out)
-    for name, value in run.figures.items():
+    for name, value in run.metrics.items():
         assert printed[name] == value, name
 
 
@@ -95,7 +95,7 @@ def test_a_saved_run_has_the_same_face_and_is_proved(tmp_path, values):
         [recorded] = bag.runs
         assert (recorded.duration, recorded.seed) == (1.013, 5)
         assert recorded.parameters == run.parameters
-        assert str(recorded.figures) == str(run.figures)
+        assert str(recorded.metrics) == str(run.metrics)
         assert recorded.topics == run.topics
         for topic in run.topics:
             assert equal(run[topic], recorded[topic]), topic

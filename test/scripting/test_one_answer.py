@@ -61,7 +61,7 @@ def test_a_planned_command_that_the_drill_cannot_take_is_an_error(simulate, word
     file.write_text("commands: [{time: 0.1, feed: {rate: 0.001}}]")
     line = simulate("--commands", file, *words)
     with pytest.raises(rpud_sim.ParameterError) as caught:
-        rpud_sim.simulate(0.2, commands=file).figures  # noqa: B018
+        rpud_sim.simulate(0.2, commands=file).metrics  # noqa: B018
     assert line == str(caught.value) == "a feed cannot be commanded with feed_model = none"
     assert not (tmp_path / "bag").exists()
 
@@ -74,7 +74,7 @@ def test_a_seed_is_given_or_that_of_the_file_or_none(simulate, words, config, se
     expected = rpud_sim.simulate(0.2, seed=seed)
     assert expected.plan.beginning.initial_phase == phase
     found = simulate(*given, *words)
-    assert metrics(found) == metrics(expected.figures)
+    assert metrics(found) == metrics(expected.metrics)
     assert found["seed"] == seed
 
 
@@ -93,7 +93,7 @@ def test_a_seed_of_a_file_draws_what_the_same_seed_draws_that_is_given(simulate,
 
 def test_the_metrics_of_a_rotating_drill_are_the_same_by_every_way(simulate, words):
     found = simulate(*words, *(f"--set={name}={value}" for name, value in ROTATING.items()))
-    expected = rpud_sim.simulate(0.2, **ROTATING).figures
+    expected = rpud_sim.simulate(0.2, **ROTATING).metrics
     assert metrics(found).keys() == expected.keys() >= {"rotation_account", "depth"}
     assert flat(metrics(found)) == pytest.approx(flat(expected), rel=1e-12)
 

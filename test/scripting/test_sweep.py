@@ -62,7 +62,7 @@ def test_a_grid_has_a_row_for_each_combination_and_seed(grid):
 def test_each_row_is_the_run_that_simulate_gives(grid):
     for _, row in grid.iterrows():
         drill = {name: row[name] for name in GRID}
-        figures = rpud_sim.simulate(0.5, seed=row["seed"], **drill).figures
+        figures = rpud_sim.simulate(0.5, seed=row["seed"], **drill).metrics
         for name in list(grid)[3:-1]:
             assert row[name] == figures[name], name
 
@@ -89,10 +89,10 @@ def test_a_point_takes_what_simulate_takes():
 def test_a_failed_run_keeps_the_others_and_says_why(monkeypatch):
     class Failing(DrillRun):
         @property
-        def figures(self):
+        def metrics(self):
             if self.parameters["weight_on_bit"] == 20.0:
                 raise EngineError("no event after\n1 s")
-            return super().figures
+            return super().metrics
 
     monkeypatch.setattr("rpud_sim.scripting.runs.DrillRun", Failing)
     frame = rpud_sim.sweep({"weight_on_bit": [5.0, 20.0, 30.0]}, 0.2, executor=Here())

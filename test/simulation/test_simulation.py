@@ -47,7 +47,7 @@ def test_a_second_call_for_the_same_time_brings_nothing_and_time_does_not_go_bac
     again = simulation.advance_to(SECOND)
     assert (again.start, again.end) == (SECOND, SECOND)
     assert len(again.segments) == len(again.impacts) == 0
-    with pytest.raises(ValueError, match="999999999 ns is before the present 1000000000 ns"):
+    with pytest.raises(ValueError, match="999999999 ns is before the current 1000000000 ns"):
         simulation.advance_to(SECOND - 1)
     assert simulation.time == SECOND
     for values in (again.open_segment, again.impacts):

@@ -176,7 +176,7 @@ def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
         ExpectationFailedError, match=r"\[R1\] bearable: failed: reacting_force\.force was "
     ) as error:
         drill.expect(bearable)
-    assert "refused" not in str(error.value)
+    assert "rejected" not in str(error.value)
     drill.step(0.5)
     [verdict] = drill.expect(always(field("status.weight_on_bit") < "31 N"), requirement="R2")
     assert verdict.passed

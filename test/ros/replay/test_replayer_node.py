@@ -125,7 +125,7 @@ def test_there_is_one_clock(replay, summaries, capfd):
     node = replay(changed(summaries[TALK.name], name="/clock"), with_clock=True)
     assert list(node.topics) == []
     assert len(node.get_publishers_info_by_topic("/clock")) == 1
-    assert "the bag's own /clock is left out" in capfd.readouterr().err
+    assert "the bag's own /clock is replaced by --clock" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
