@@ -387,7 +387,9 @@ class LockstepDrill(Lockstep):
         self.observed = True
         heard = self._topic(topic)
         if heard is None:
-            hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *self.heard])}"
+            own = len(f"{self.namespace}/")
+            others = [name for name in self.heard if name[own:] not in TOPICS]
+            hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *others])}"
             raise ParameterError(
                 f"topic {shown_name(topic)} is not listened to: call listen({topic!r}) first{hint}"
             )

@@ -103,7 +103,7 @@ def test_one_of_something_is_named_in_the_singular():
     one = late._replace(status={**late.status, "impacts": 1, "commands_accepted": 1})
     text = summary_text(one.figures, one)
     assert "\n1 impact, 0 deadlines missed, 1 command accepted, " in text
-    assert "\n1 request refused" in text
+    assert "\n1 request rejected" in text
 
 
 def test_in_80_columns_all_that_matters_is_there():
