@@ -92,7 +92,10 @@ def odd_bag(path, *, schema=STRING_DEFINITION, offers="", records=()):
 @pytest.mark.parametrize(
     ("odd", "reason"),
     [
-        ({"records": [(LOSSES_RECORD, {"/a": '{"transport": -1, "queue": 0}'})]}, "not a number of"),
+        (
+            {"records": [(LOSSES_RECORD, {"/a": '{"transport": -1, "queue": 0}'})]},
+            "not a number of",
+        ),
         ({"offers": "[1]"}, "the offers on /talk are left out: a profile of offered_qos"),
         ({"schema": b"string data\xff\n"}, "the definition of std_msgs/msg/String is left out"),
         (
