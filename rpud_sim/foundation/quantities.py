@@ -92,14 +92,14 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
     return f" (did you mean {close[0]}?)" if close else ""
 
 
-_MOST_CLOSE = 3  # names that contain the unknown one
+_MOST_CLOSE = 3  # names that end with the unknown one
 _MOST_NAMES = 30  # that a hint lists
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
     """Return a hint for an unknown name: the nearest known one, or all of them if they are few."""
     known = list(known)
-    longer = [each for each in known if str(name) in each] if name else []
+    longer = [each for each in known if each.endswith(f"_{name}")]
     close = longer if 1 < len(longer) <= _MOST_CLOSE else _close(name, known, 0.6)
     if not close and len(known) > _MOST_NAMES:
         near = difflib.get_close_matches(f"{name!s:.80}", known, n=3, cutoff=0.0)
