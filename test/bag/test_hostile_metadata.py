@@ -29,7 +29,7 @@ from rpud_sim.bag.recovery import recover
         "a: " + "9" * 100_000 + "\n",
         "rosbag2_bagfile_information: !!python/object/apply:os.system [echo]\n",
         "a: 2001-99-99\n",
-        "- x\n" * 300_000,
+        "- x\n" * 30_000,
         "a: !!timestamp 1\n",
         "a: !!int x\n",
         "a: 1",

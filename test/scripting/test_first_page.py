@@ -183,7 +183,7 @@ def test_unknown_topics_and_columns_name_the_nearest(run):
         run["contact_forc"]
     rates = "actuator_impact_rate, drill_tool_impact_rate, squeezed_impact_rate"
     with pytest.raises(KeyError, match=f"^no metric 'impact_rate'; did you mean {rates}"):
-        run.figures["impact_rate"]
+        run.metrics["impact_rate"]
     with pytest.raises(KeyError, match="did you mean peak_force"):
         run["contact_force"]["peak_forces"]
 

@@ -5,6 +5,9 @@ import pytest
 from rpud_sim.simulation import preset
 from validation.elastic_bar import WAVE_STEPS, strike, strike_by_waves
 
+# The meshes take seconds.
+pytestmark = pytest.mark.extended
+
 DRILL = preset("drilling").replace(gravity=0.0)
 SPEED = 5.0
 
