@@ -28,7 +28,12 @@ _SEARCH_PATHS = ("PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH",
 _DRILL = (*RPUD, "simulate", "--regime", "drilling", "--duration")
 WORKS = {  # {bag} is made before, {out} is a new folder
     "simulate": (*_DRILL, "300"),
-    "simulate of the paper's tables": (*_DRILL, "300", "--config", "tables_drilling.yaml"),
+    "simulate of the paper's tables": (
+        *_DRILL,
+        "300",
+        "--config",
+        str(ROOT / "config/tables_drilling.yaml"),
+    ),
     "simulate --bag": (*_DRILL, "20", "--bag", "{out}/bag"),
     "ensemble": (*_DRILL, "2", "--repeat", "400"),
     "verify": (*RPUD, "verify", "{bag}"),
