@@ -21,7 +21,7 @@ from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
 from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events, draw_interface
-from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_page, save
+from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_page, save, stacked
 
 WIDE, NARROW = (1400, 900), (840, 640)  # windows of the picture and of the film [px]
 SECONDS, RATE = 10, 12  # of the film: s, pictures a second
@@ -64,17 +64,45 @@ def screen(browser: Browser, out: Path, folder: Path) -> None:
             save(page, out.with_name(f"{out.stem}{ending}.png"))
 
 
+# What brings a drill into the next state, by the word of the state bar that follows.
+STATES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "drilling": (),
+    "jammed": (("inject", "free_mass_jammed"),),
+    "off": (("clear", "all"), ("drive", "--off")),
+    "paused": (("drive",), ("pause",)),
+    "no contact": (("play",), ("engage", "--off")),
+    "not connected": (),  # the drill is killed
+}
+
+
+def states(browser: Browser, out: Path, folder: Path) -> None:
+    """Show the state bar in six states of a drill in layers of rock."""
+    for scheme, ending in SCHEMES.items():
+        shown = []
+        with background("run", "--quiet", "--watch", "0", folder=folder) as drill:
+            page = open_page(browser, printed_url(drill), NARROW, scheme)
+            for word, acts in STATES.items():
+                for act in acts:
+                    start(*act).communicate()
+                if word == "not connected":
+                    drill.kill()
+                page.wait_for_selector(f"#doing:text-is('{word}')")
+                shown.append(page.locator("#bar").screenshot())
+            page.close()
+        out.with_name(f"{out.stem}{ending}.png").write_bytes(stacked(shown))
+
+
 DRAWINGS: dict[str, Callable[[], str]] = {
     "interface": draw_interface,
     "drill": draw_drill,
     "blocks": draw_blocks,
     "events": draw_events,
 }
-PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen}
-KINDS = ("png", "webp")
+PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen, "states": states}
 FILES = [
     *(f"{name}.svg" for name in DRAWINGS),
-    *(f"{name}{end}.{kind}" for name in PAGES for end in SCHEMES.values() for kind in KINDS),
+    *(f"{name}{end}.png" for name in PAGES for end in SCHEMES.values()),
+    *(f"screen{end}.webp" for end in SCHEMES.values()),
 ]
 """Names of all pictures."""
 

@@ -71,6 +71,19 @@ def film(pictures: list[tuple[float, bytes]], out: Path) -> None:
     )
 
 
+def stacked(pictures: list[bytes]) -> bytes:
+    """Return pictures of one width below each other."""
+    images = [Image.open(io.BytesIO(picture)) for picture in pictures]
+    whole = Image.new("RGB", (images[0].width, sum(image.height for image in images)))
+    top = 0
+    for image in images:
+        whole.paste(image, (0, top))
+        top += image.height
+    buffer = io.BytesIO()
+    whole.save(buffer, "png")
+    return smaller(buffer.getvalue())
+
+
 def smaller(picture: bytes) -> bytes:
     """Return a PNG file with a palette instead of full colours."""
     with Image.open(io.BytesIO(picture)) as image:
