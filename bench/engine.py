@@ -22,7 +22,7 @@ from bench.table import ROOT, Row, row
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.drill import derive
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.simulation.configuration import Settings, whole_configuration
+from rpud_sim.simulation.configuration import Settings, with_defaults
 from rpud_sim.simulation.ensemble import compile_kernels, run_members
 from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
 from rpud_sim.simulation.sampling import Times
@@ -77,7 +77,7 @@ def _beside_c(regime: str, parameters: Parameters, program: Path) -> Iterator[Ro
     ratios = [used / run.used for run, used in zip(ours, in_c, strict=True)]
     yield row(f"{name}: speed over that of C", ratios, least=1.0)
     yield row(f"{name}: impacts that agree within 0.1 us, C", agree)
-    settings = Settings(whole_configuration(parameters))
+    settings = Settings(with_defaults(parameters))
     phases = initial_phases(_MEMBERS, 1)
     plans = [Plan(Beginning(settings, phase)) for phase in phases]
     events = median(run.events / DURATION for run in ours) * _MEMBERS * _MEMBER_DURATION

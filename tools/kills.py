@@ -22,7 +22,7 @@ from pathlib import Path
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
-from rpud_sim.ros.record.writing import Intake, WritingThread
+from rpud_sim.ros.record.writing import WriteQueue, WritingThread
 from rpud_sim.testing.processes import DomainClaim
 from tools import LOOPBACK
 
@@ -46,7 +46,7 @@ class WatchedWriter(BagWriter):
 
 def record_for_ever(path: Path, shared: mmap.mmap, max_loss: float, chunk_size: int) -> None:
     """Write numbered messages on all topics until the end of this process."""
-    intake = Intake()
+    intake = WriteQueue()
     compression = random.choice(["none", "zstd"])
     bag = WatchedWriter(path, shared, chunk_size=chunk_size, compression=compression)
     WritingThread(intake, bag, max_loss, os.abort).start()

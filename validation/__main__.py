@@ -6,7 +6,7 @@ import argparse
 import time
 from pathlib import Path
 
-from rpud_sim.foundation.whole_folder import write_whole
+from rpud_sim.foundation.atomic_folder import write_atomic
 from validation.page import FILES, page
 from validation.scores import Effort, run_validation
 
@@ -20,6 +20,6 @@ if __name__ == "__main__":
     results = run_validation(Effort())
     file.with_suffix("").mkdir(exist_ok=True)
     for name, (_, make) in FILES.items():
-        write_whole(file.with_suffix("") / f"{name}.csv", make(results).csv())
-    write_whole(file, page(results))
+        write_atomic(file.with_suffix("") / f"{name}.csv", make(results).csv())
+    write_atomic(file, page(results))
     print(f"{file} written in {time.perf_counter() - started:.0f} s")

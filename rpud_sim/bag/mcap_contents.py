@@ -37,7 +37,7 @@ from rpud_sim.bag.records import (
     split_records,
     uncompressed,
 )
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.messages.errors import BagFormatError
 
 REMEDY = "rpud recover makes a whole bag of it"
@@ -111,7 +111,7 @@ def contents_of(file: RecordFile, path: Path) -> Contents:
     try:
         walked = _walked(file)
     except UNREADABLE as error:
-        text = in_words(error)
+        text = error_text(error)
         raise BagFormatError(text if REMEDY in text else f"{text}; {REMEDY}") from error
     walked.lacks = found.lacks
     return walked

@@ -20,7 +20,7 @@ import yaml
 
 from rpud_sim.bag.limits import RECORD_LIMIT
 from rpud_sim.foundation.json_text import json_text
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.user_files import read_file
 from rpud_sim.messages.definition_text import structure_of
@@ -327,7 +327,7 @@ def _load(text: str) -> Any:
             raise BagFormatError(f"the rosbag2 metadata has a number {number[0][:20]}...")
         return yaml.load(text, Loader=_LOADER)
     except (yaml.YAMLError, *MALFORMED) as error:  # the latter of `!!timestamp 1`, for example
-        raise BagFormatError(f"the rosbag2 metadata is not YAML: {in_words(error)}") from error
+        raise BagFormatError(f"the rosbag2 metadata is not YAML: {error_text(error)}") from error
 
 
 def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:

@@ -25,7 +25,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 
 from rpud_sim.bag.limits import RECORD_LIMIT
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.messages.encoder import items
 from rpud_sim.messages.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
 
@@ -76,7 +76,7 @@ def reading(path: Path) -> Iterator[None]:
             raise
         raise BagFormatError(f"{path}: {error}") from error
     except UNREADABLE as error:
-        raise BagFormatError(f"{path} is damaged: {in_words(error)}") from error
+        raise BagFormatError(f"{path} is damaged: {error_text(error)}") from error
 
 
 class RawRecord(NamedTuple):

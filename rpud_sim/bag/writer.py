@@ -32,8 +32,8 @@ from rpud_sim.bag.metadata import (
     metadata_of,
     stored_name,
 )
+from rpud_sim.foundation.atomic_folder import write_atomic
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.messages.batch import LATEST, Batch
 from rpud_sim.messages.errors import BagError, BagExistsError
 
@@ -300,7 +300,7 @@ def _create(folder: Path) -> None:
 
 
 def _write_document(folder: Path, metadata: Mapping[str, Any]) -> None:
-    write_whole(folder / FILE_NAME, dump_document(metadata))
+    write_atomic(folder / FILE_NAME, dump_document(metadata))
     _sync(folder)
 
 

@@ -23,7 +23,7 @@ from rpud_sim.foundation.terminal import (
     LONGEST_LINE,
     LONGEST_NAME,
     cell,
-    complain,
+    print_error,
     printable,
     table,
 )
@@ -59,7 +59,7 @@ def _info(options: Any) -> int:
             for summary in bag.topics
         ]
         for text in bag.unread_offers:
-            complain("rpud info", text)
+            print_error("rpud info", text)
     print_result(options, content, lambda: _info_lines(content))
     return ExitCode.DONE
 
@@ -157,7 +157,7 @@ def _verify(options: Any) -> int:
     with progress_bar(" s") as bar:
         found = verify(options.bag, bar.update)
     for warning in found.warnings:
-        complain("rpud verify", warning)
+        print_error("rpud verify", warning)
     difference, topics = found.first_difference, sorted(found.topics.items())
     content = {
         "proved": found.proved,
@@ -287,7 +287,7 @@ def _report(options: Any) -> int:
 def _complain_of_parts(program: str, written: Any) -> None:
     """Name what an export or a report leaves out."""
     for name, reason in (*written.left_out.items(), *written.damaged.items()):
-        complain(program, f"left out {printable(name, LONGEST_NAME)}: {reason}")
+        print_error(program, f"left out {printable(name, LONGEST_NAME)}: {reason}")
 
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
@@ -337,11 +337,11 @@ def _compare(options: Any) -> int:
             **{name: getattr(options, name) for name in names},
         )
     for warning in found.warnings:
-        complain("rpud compare", warning)
+        print_error("rpud compare", warning)
     for name, parts in found.damaged.items():
         for part, reason in parts.items():
             shown = printable(part, LONGEST_NAME)
-            complain("rpud compare", f"{name}: left out {shown}: {reason}")
+            print_error("rpud compare", f"{name}: left out {shown}: {reason}")
     if options.out:
         write_page(found, options.out)
     content = {**found.content(), "out": options.out}

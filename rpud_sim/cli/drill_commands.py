@@ -15,7 +15,7 @@ from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.json_text import finite_values, json_text
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import ExpectedError, Quantity
-from rpud_sim.foundation.terminal import cell, complain, printable, table
+from rpud_sim.foundation.terminal import cell, print_error, printable, table
 from rpud_sim.foundation.verbs import VERBS
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def _echo(options: Any) -> ExitCode:
                 sys.stdout.flush()
             if topic.lost > said:
                 said = topic.lost
-                complain("rpud echo", f"{said} messages of {topic.name} were lost")
+                print_error("rpud echo", f"{said} messages of {topic.name} were lost")
     return ExitCode.DONE
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
 from rpud_sim.foundation.quantities import ExpectedError, Quantity
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import print_error, printable
 from rpud_sim.foundation.verbs import EXACTLY_ONE
 
 RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
@@ -92,7 +92,7 @@ def parameter_values(options: Any) -> dict[str, Any]:
     node = f"/{namespace}/drill_node" if namespace else "/drill_node"
     values = {}
     if options.config:
-        values = read_parameter_file(options.config, node, partial(complain, "rpud"))
+        values = read_parameter_file(options.config, node, partial(print_error, "rpud"))
     if options.regime:
         values["regime"] = options.regime
     values.update(parse_assignment(text) for text in options.assignments)

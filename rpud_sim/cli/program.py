@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 from rpud_sim.cli import ENDING
 from rpud_sim.foundation.json_text import check_finite, json_text
 from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning
-from rpud_sim.foundation.terminal import complain
+from rpud_sim.foundation.terminal import print_error
 
 # Environment variable: where it is set, an unexpected error shows its traceback.
 TRACEBACK = "RPUD_TRACEBACK"
@@ -71,7 +71,7 @@ def report_errors(program: str, run: Callable[[], int]) -> int:
         try:
             return run()
         except ExpectedError as error:
-            complain(program, error)
+            print_error(program, error)
             return error.code
 
 
@@ -85,7 +85,7 @@ def _expected_warnings(program: str) -> Iterator[None]:
             usual(message, category, *where, **more)
         elif (text := str(message)) not in said:
             said.add(text)
-            complain(program, text)
+            print_error(program, text)
 
     with warnings.catch_warnings():
         usual, warnings.showwarning = warnings.showwarning, show
@@ -128,7 +128,7 @@ def _interrupted(program: str, code: int) -> int:
     of_terminal = program == "rpud watch" and number == signal.SIGHUP
     if program not in _UNTIL_A_SIGNAL or of_terminal:
         return code
-    complain(program, f"ended by {number.name}")
+    print_error(program, f"ended by {number.name}")
     return ExitCode.DONE
 
 
@@ -153,7 +153,7 @@ def _report_unexpected(program: str, error: Exception) -> ExitCode:
     else:
         text = f"{type(error).__name__}: {error}"
         reason = f"unexpected {text:.500} ({TRACEBACK}=1 shows where)"
-    complain(program, reason)
+    print_error(program, reason)
     return ExitCode.FAILED
 
 
@@ -165,7 +165,7 @@ def _flush(program: str, code: Any) -> Any:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if code or isinstance(error, BrokenPipeError):
             return code
-        complain(program, error.strerror)
+        print_error(program, error.strerror)
         return ExitCode.FAILED
     return code
 

@@ -26,7 +26,7 @@ from rpud_sim.foundation.options import (
     run_time_option,
 )
 from rpud_sim.foundation.quantities import ExpectedError, Quantity
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import print_error, printable
 from rpud_sim.ros.options import RecordOptions
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _drill_and_record(
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message
     if stop.wait(0.0):
-        complain(program, _NO_BAG)
+        print_error(program, _NO_BAG)
         return ExitCode.DONE
     recorder = ChildProcess(
         (
@@ -158,7 +158,7 @@ def _drill_and_record(
         if stopped:
             recorder.end(signal.SIGTERM, seconds=_RECORDER_END)
             if not Path(record).exists():  # the signal came while it started
-                complain(program, _NO_BAG)
+                print_error(program, _NO_BAG)
                 return ExitCode.DONE
         closed = _close_recorder(recorder, record, early=not stopped)
         return ExitCode.DONE if stopped and closed else ExitCode.FAILED
@@ -169,7 +169,7 @@ def _drill_and_record(
         recorded = _close_recorder(recorder, record, early=not recorder.running)
     for line in _missing(record, node.sent) if recorded else ():
         recorded = False
-        complain(program, line)
+        print_error(program, line)
     _print_summary(node)
     if recorded:
         print(f"bag: {printable(record)}", flush=True)
@@ -184,7 +184,7 @@ def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool
         with LiveLine(live) as line:
             spin(node, stop, line.show)
     except RuntimeError as error:
-        complain(program, error)
+        print_error(program, error)
         return False
     return True
 
@@ -203,13 +203,13 @@ def _close_recorder(recorder: ChildProcess, record: str, *, early: bool) -> bool
     code = recorder.code or 0
     if code == 0:
         if early:
-            complain(_PROGRAM, "the recorder was stopped before the drill")
+            print_error(_PROGRAM, "the recorder was stopped before the drill")
         return not early
     errors = recorder.errors.splitlines()
     lines = [line for line in errors if line.startswith("rpud")]
     if not lines and code < 0:
         bag = "its bag is truncated" if Path(record).exists() else "there is no bag"
-        complain(_PROGRAM, f"the recorder was ended by signal {-code}; {bag}")
+        print_error(_PROGRAM, f"the recorder was ended by signal {-code}; {bag}")
     else:
         print("\n".join(lines or errors[-3:]), file=sys.stderr)
     return False
@@ -247,7 +247,7 @@ def _watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[N
             raise ExpectedError(f"the page cannot be served: {_no_page(server)}")
         yield
         if not (server.running or stop.requested):
-            complain(_PROGRAM, "the server of the page ended before the drill")
+            print_error(_PROGRAM, "the server of the page ended before the drill")
     finally:
         server.end(signal.SIGTERM, seconds=_PAGE_END)
 
@@ -283,7 +283,7 @@ def _watch(options: Any) -> int:
 
 def _watch_bag(options: Any, bag: str) -> ExitCode:
     from rpud_sim.viewer.recorded import serve_bag
-    from rpud_sim.viewer.server import Place
+    from rpud_sim.viewer.server import ListenAddress
 
     def announce(server: PageServer) -> None:
         url = server.url("/screen")
@@ -291,20 +291,20 @@ def _watch_bag(options: Any, bag: str) -> ExitCode:
         if options.open:
             _open_browser(url)
 
-    serve_bag(bag, Place.of(options.port, options.address), announce)
+    serve_bag(bag, ListenAddress.of(options.port, options.address), announce)
     return ExitCode.DONE
 
 
 def _watch_drills(options: Any) -> ExitCode:
     from rpud_sim.viewer.live import serve_drills
-    from rpud_sim.viewer.server import Place
+    from rpud_sim.viewer.server import ListenAddress
 
     def announce(server: PageServer, store: LiveStore) -> None:
         if options.beside_drill:  # receive all of the run
             store.hear()
         _announce(server, store.finder, options)
 
-    place = Place.of(options.port, options.address)
+    place = ListenAddress.of(options.port, options.address)
     serve_drills(place, options.domain, options.namespace, announce)
     return ExitCode.DONE
 
@@ -337,4 +337,4 @@ def _open_browser(url: str) -> None:
         browser = None
     # A browser in the terminal would take it, and cannot show the page.
     if browser is None or type(browser) is webbrowser.GenericBrowser or not browser.open(url):
-        complain("rpud watch", "no browser found; open the URL manually")
+        print_error("rpud watch", "no browser found; open the URL manually")

@@ -21,7 +21,7 @@ from rpud_sim.cli.options import (
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, SEED, option, required
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.terminal import cell, complain, printable
+from rpud_sim.foundation.terminal import cell, print_error, printable
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.changes import PlannedChanges
@@ -131,7 +131,7 @@ def _lines(metrics: dict[str, Any]) -> Iterator[str]:
 
 
 def _show(line: str) -> None:
-    complain("rpud simulate", line)
+    print_error("rpud simulate", line)
 
 
 @command(
@@ -201,7 +201,7 @@ def _to_bag(options: Any, changes: PlannedChanges) -> int:
             report=bar.update,
         )
     for warning in forked.warnings:
-        complain("rpud fork", warning)
+        print_error("rpud fork", warning)
     how = "with changes" if forked.changed else "without a change"
     said = (
         f"forked {printable(forked.source)} at {forked.at:.9g} s {how}: {forked.duration:.9g} s "

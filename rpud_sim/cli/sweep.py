@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import ASSIGNMENT, JSON, command
 from rpud_sim.cli.program import ExitCode, print_result
+from rpud_sim.foundation.atomic_folder import atomic_file
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import printable, table
 from rpud_sim.foundation.user_files import named_errors, open_file
-from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
     import pandas
@@ -52,7 +52,7 @@ def _sweep(options: Any) -> int:
     out = Path(options.out) if options.out else None
     if out and out.suffix not in (".csv", ".parquet"):
         raise ParameterError(f"--out {options.out} ends neither in .csv nor in .parquet")
-    with whole_file(out) if out else nullcontext() as unfinished:  # before the work
+    with atomic_file(out) if out else nullcontext() as unfinished:  # before the work
         frame = sweep(rows, options.duration, int(options.seeds))
         if out and unfinished:
             with named_errors(out):

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
+from rpud_sim.foundation.atomic_folder import atomic_file
 from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
-from rpud_sim.foundation.terminal import cell, complain, printable, table
-from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.foundation.terminal import cell, print_error, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign_runs import CampaignResults
@@ -112,12 +112,12 @@ def _test_bag(options: Any, expect: str) -> int:
         raise ExpectedError(error) from error
     for topic in topics:
         if lost := record.missing(topic).total:
-            complain("rpud test", f"{lost} messages of {topic} are lost")
+            print_error("rpud test", f"{lost} messages of {topic} are lost")
     if options.junit:
         target = Path(options.junit)
         # A device or a pipe has no name to replace.
         direct = target.is_symlink() or (target.exists() and not target.is_file())
-        with nullcontext(target) if direct else whole_file(target) as file:
+        with nullcontext(target) if direct else atomic_file(target) as file:
             file.write_text(junit_xml(verdicts, options.subject), encoding="utf-8")
     counts = {name: sum(each.outcome == name for each in verdicts) for name in OUTCOMES}
     content = {

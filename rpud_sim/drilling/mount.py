@@ -152,14 +152,18 @@ class MountParameters(ParameterGroup):
             )
 
     @property
-    def giver(self) -> type[Motion] | None:
+    def command_type(self) -> type[Motion] | None:
         """Class of the commands that give the motion of the mount; None if it rests."""
         return _GIVERS[self.feed_model]
 
     @property
     def rest(self) -> Motion:
         """Motion until the first command."""
-        return MountMotion(self.initial_feed, sampled=0) if self.giver is MountMotion else STOPPED
+        return (
+            MountMotion(self.initial_feed, sampled=0)
+            if self.command_type is MountMotion
+            else STOPPED
+        )
 
     @property
     def limits(self) -> Limits:
@@ -254,7 +258,7 @@ class Mount:
             parameters.anchoring_force,
         )
         self.motion = parameters.rest
-        if parameters.giver is MountMotion:
+        if parameters.command_type is MountMotion:
             self._arm = _CARRIED
         # The arm has come to rest under the load spring before time zero.
         self.position = self._feed = start = parameters.initial_feed
@@ -367,7 +371,7 @@ class Mount:
         last one.
         """
         self._damping = damping
-        if self._parameters.giver is not MountMotion:
+        if self._parameters.command_type is not MountMotion:
             return
         distance, rate = 0.0, 0.0
         if self.in_contact and interval > 0.0:

@@ -254,7 +254,7 @@ class RockParameters(ParameterGroup):
     hole_area: float = number(2.0e-5, "m^2", "cross-sectional area of the hole", 1e-8, 1.0)
 
 
-class Progress:
+class PercussionDepth:
     """Depth of the hole by percussion alone; depth and rate are NaN without a rock model.
 
     Each impact deepens it by the energy that it leaves in drill tool and rock, times the share that

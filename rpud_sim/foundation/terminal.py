@@ -47,7 +47,7 @@ def printable(text: object, longest: int | None = None) -> str:
     return f"{shown[:kept]}...{shown[-kept:]}"
 
 
-def in_words(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return in words, on one line, what an error means that a file from outside has raised."""
     if isinstance(error, KeyError):
         return f"it has no {error.args[0]!r:.80}" if error.args else "it lacks a part"
@@ -71,7 +71,7 @@ def columns(stream: TextIO) -> int:
         return _USUAL_WIDTH
 
 
-def complain(program: str, reason: object) -> None:
+def print_error(program: str, reason: object) -> None:
     """Print an error on standard error, as one line; the exit code shows it where nobody reads."""
     with suppress(BrokenPipeError):
         print(f"{program}: {printable(reason, LONGEST_LINE)}", file=sys.stderr)

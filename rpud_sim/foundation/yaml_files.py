@@ -24,7 +24,7 @@ from rpud_sim.foundation.quantities import (
     shown,
     shown_name,
 )
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.user_files import read_file
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
@@ -140,7 +140,7 @@ def _read_yaml(text: str, repeated: set[Place] | None = None) -> tuple[Any, Line
         visit(whole, (), whole.start_mark.line + 1)
         return loader.construct_document(whole), lines
     except (yaml.YAMLError, *_PYYAML_ERRORS) as error:
-        raise ParameterError(f"is not YAML: {in_words(error)}") from None
+        raise ParameterError(f"is not YAML: {error_text(error)}") from None
 
 
 def parse_yaml(text: str) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.messages.definition_text import fields_of, parts_of
 from rpud_sim.messages.encoder import CODES, TEXT, Decoded, Encoder, Members, Node, Sequence
 from rpud_sim.messages.errors import DAMAGED, BagFormatError
@@ -188,7 +188,7 @@ class Codec:
             yield
         except (*DAMAGED, AssertionError, TypesysError) as error:
             raise BagFormatError(
-                f"a {what} of {self.type:.80} cannot be understood: {in_words(error)}"
+                f"a {what} of {self.type:.80} cannot be understood: {error_text(error)}"
             ) from error
 
 

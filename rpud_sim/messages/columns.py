@@ -199,7 +199,7 @@ class FieldReader:
                 fields = _Walk(self._codec, batch.part(together)).read(self._fields or ())
                 found = {each.name: _column(each, fields) for each in self._columns}
                 break
-            except _OddMessages as odd:
+            except _UndecodableMessages as odd:
                 together = together[~odd.messages]
         else:
             together = together[:0]
@@ -259,7 +259,7 @@ def _flat_fields(members: Members, prefix: str = "") -> list[tuple[str, Node]] |
     return found or [(prefix, CODES["uint8"])]  # CDR needs a field
 
 
-class _OddMessages(Exception):  # noqa: N818 - it is not for users
+class _UndecodableMessages(Exception):  # noqa: N818 - it is not for users
     """Messages that cannot be read together with the others."""
 
     def __init__(self, messages: np.ndarray) -> None:
@@ -308,7 +308,7 @@ class _Walk:
 
     def _check(self, fits: np.ndarray) -> None:
         if not fits.all():
-            raise _OddMessages(~np.broadcast_to(fits, len(self._starts)))
+            raise _UndecodableMessages(~np.broadcast_to(fits, len(self._starts)))
 
     def _reach(self, size: _Places) -> None:
         self._check(np.asarray(self._place + size) <= self._sizes)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 
 # Errors that Python raises where a value is not of the expected form.
 MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
@@ -66,4 +66,4 @@ def parsing(what: str) -> Iterator[None]:
     try:
         yield
     except MALFORMED as error:
-        raise BagFormatError(f"{what} is unreadable: {in_words(error)}") from error
+        raise BagFormatError(f"{what} is unreadable: {error_text(error)}") from error

@@ -20,7 +20,7 @@ from rpud_sim.foundation.json_text import finite_values, json_text, name_of
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.columns import Column
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.output import Damages, new_folder
+from rpud_sim.recorded.output import SkippedParts, new_folder
 
 # File with the account of an export, and with what the other files have no place for.
 ACCOUNT = "export.json"
@@ -77,7 +77,7 @@ def export(
         if left_out and len(left_out) == len(bag.readable_topics):
             name, reason = next(iter(left_out.items()))
             raise RecordingError(f"no topic of {bag.path} can be exported: {name:.200}: {reason}")
-        damages = Damages(bag)
+        damages = SkippedParts(bag)
         chosen = [
             summary
             for summary in bag.readable_topics

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.columns import FieldReader, Kind, columns_of
@@ -124,7 +124,7 @@ class RecordedJournal:
             frame = str(fields.header.frame_id)
             return RecordedEntry(entry, stamp, frame, message.log_time, message.publish_time)
         except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
-            text = f"an entry of the journal cannot be understood: {in_words(error)}"
+            text = f"an entry of the journal cannot be understood: {error_text(error)}"
             raise UnverifiableError(text) from None
 
     def check(self, entries: Iterable[RecordedEntry]) -> None:
@@ -172,13 +172,13 @@ class RecordedJournal:
 
     @cached_property
     def _latest_at_end(self) -> int:
-        return agreed(_latest(recorded_progress(self._bag, self._progress, self._end_start)))
+        return common_stamp(_latest(recorded_progress(self._bag, self._progress, self._end_start)))
 
     @cached_property
     def _latest(self) -> int | None:
         """Latest stamp of the whole bag, which need not be at its end; None without any [ns]."""
         found = _latest(recorded_progress(self._bag, self._progress, 0))
-        return agreed(found) if found else None
+        return common_stamp(found) if found else None
 
 
 def within(times: np.ndarray, window: tuple[int, int]) -> np.ndarray:
@@ -194,7 +194,7 @@ def _latest(shown: Iterable[tuple[str, np.ndarray]]) -> list[int]:
     return [*found.values()]
 
 
-def agreed(stamps: Iterable[int]) -> int:
+def common_stamp(stamps: Iterable[int]) -> int:
     """Return the greatest stamp that two topics reach, so that one altered stamp changes nothing.
 
     It is that of the only topic if there is no other, and 0 without any [ns].

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.foundation.whole_folder import whole_folder, write_whole
+from rpud_sim.foundation.atomic_folder import atomic_folder, write_atomic
 from rpud_sim.recorded import RecordingError
 
 
@@ -16,7 +16,7 @@ from rpud_sim.recorded import RecordingError
 def new_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a folder that appears as ``out`` when it is complete, and not at all after an error."""
     try:
-        with whole_folder(out) as folder:
+        with atomic_folder(out) as folder:
             yield folder
     except OSError as error:
         raise RecordingError(_reason(out, error)) from error
@@ -34,7 +34,7 @@ def write_new_file(out: str | os.PathLike[str], text: str) -> None:
     """Write a file that is there when it is complete, and not at all after an error."""
     check_new_file(out)
     try:
-        write_whole(Path(out), text)
+        write_atomic(Path(out), text)
     except OSError as error:
         raise RecordingError(_reason(out, error)) from error
 
@@ -45,7 +45,7 @@ def _reason(out: str | os.PathLike[str], error: OSError) -> str:
     return f"cannot write {os.fspath(out)}: {error.strerror or error}"
 
 
-class Damages:
+class SkippedParts:
     """Damaged parts that an analysis of a bag skips; the account begins with the bag's own."""
 
     def __init__(self, bag: BagReader) -> None:

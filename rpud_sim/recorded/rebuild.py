@@ -21,7 +21,7 @@ from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.export import describe_column, file_stem, make_table, write_account
-from rpud_sim.recorded.output import Damages, new_folder
+from rpud_sim.recorded.output import SkippedParts, new_folder
 from rpud_sim.recorded.runs import find_drill
 from rpud_sim.simulation.sampling import (
     CHANNELS,
@@ -91,7 +91,7 @@ def rebuild(
     """
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
-        drill = find_drill(bag, Damages(bag), topic.rpartition("/")[0] or "/", run)
+        drill = find_drill(bag, SkippedParts(bag), topic.rpartition("/")[0] or "/", run)
         own = (each for batch in drill.of(bag.batches({topic})) for each in messages_of([batch]))
         found = recorded_segments(own, installed_codec(_TYPE), bag.path)
         waveform = _Waveform(rate, start, duration)

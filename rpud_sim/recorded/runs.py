@@ -18,7 +18,7 @@ from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.metadata import RECORDING_RECORD
 from rpud_sim.bag.own_records import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import listed, suggestion
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded import RecordingError
@@ -27,14 +27,14 @@ from rpud_sim.recorded.journal import (
     RecordedEntry,
     RecordedJournal,
     UnverifiableError,
-    agreed,
+    common_stamp,
     held_journals,
     progress_readers,
     recorded_progress,
     within,
     wrong_header,
 )
-from rpud_sim.recorded.output import Damages
+from rpud_sim.recorded.output import SkippedParts
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import ChangeError
 from rpud_sim.simulation.plan import JournalEntry, Plan
@@ -207,7 +207,7 @@ def _parts(batch: Batch, values: np.ndarray) -> Iterator[tuple[int, Batch]]:
 
 
 def runs_of(
-    bag: BagReader, topic: str | None = None, damages: Damages | None = None
+    bag: BagReader, topic: str | None = None, damages: SkippedParts | None = None
 ) -> list[RecordedRun]:
     """Return the runs of a drill in a bag, at least one.
 
@@ -222,12 +222,12 @@ def runs_of(
             f"{bag.path} holds no journal named {topic}, but {names}{suggestion(topic, found)}"
         )
     return _runs(
-        bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or Damages(bag)
+        bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or SkippedParts(bag)
     )
 
 
 def run_of(
-    bag: BagReader, number: int = 1, topic: str | None = None, damages: Damages | None = None
+    bag: BagReader, number: int = 1, topic: str | None = None, damages: SkippedParts | None = None
 ) -> RecordedRun:
     """Return a run of a bag by its number, from 1."""
     runs = runs_of(bag, topic, damages)
@@ -239,7 +239,7 @@ def run_of(
 
 
 def find_drill(
-    bag: BagReader, damages: Damages, namespace: str | None = None, run: int | None = None
+    bag: BagReader, damages: SkippedParts, namespace: str | None = None, run: int | None = None
 ) -> RecordedRun:
     """Return a run of a drill in a bag: by default of the only drill, and the first.
 
@@ -296,7 +296,7 @@ def _choose(bag: BagReader, wanted: str | None) -> str:
     return space
 
 
-def find_manifest(bag: BagReader, namespace: str, damages: Damages) -> Manifest | None:
+def find_manifest(bag: BagReader, namespace: str, damages: SkippedParts) -> Manifest | None:
     """Return the manifest of a drill in a bag; None if there is none, or if it is not clear."""
     found = []
     for record in damages.records(bag, MANIFEST_RECORD):
@@ -308,7 +308,7 @@ def find_manifest(bag: BagReader, namespace: str, damages: Damages) -> Manifest 
     return next(iter((*own, *(found if len(found) == 1 else ()))), None)
 
 
-def _runs(bag: BagReader, journal: RecordedJournal, damages: Damages) -> list[RecordedRun]:
+def _runs(bag: BagReader, journal: RecordedJournal, damages: SkippedParts) -> list[RecordedRun]:
     """Return the runs of a journal; its entries from a gap on belong to none."""
     groups: list[tuple[list[RecordedEntry], str]] = []
     orphans = 0
@@ -429,7 +429,7 @@ def _boundary(run: RecordedRun, stamps: Sequence[int]) -> int:
     """Return the end of the last block of a run, by the greatest stamp of each topic [ns]."""
     try:
         rate = int(run.beginning["parameters"]["telemetry_rate"])
-        reached = max(run.end, agreed(stamps) - run.origin if stamps else 0)
+        reached = max(run.end, common_stamp(stamps) - run.origin if stamps else 0)
         return boundary(boundaries_until(reached, rate), rate)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise RecordingError(f"{run.journal} cannot be understood: {in_words(error)}") from None
+        raise RecordingError(f"{run.journal} cannot be understood: {error_text(error)}") from None

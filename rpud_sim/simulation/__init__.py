@@ -29,7 +29,7 @@ from rpud_sim.model.parameters import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Change, Clear, Configure, Inject
-from rpud_sim.simulation.commands import Applied, Drive, Feed, MountMotion, WeightOnBit
+from rpud_sim.simulation.commands import ActiveCommands, Drive, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -55,9 +55,9 @@ __all__ = [
     "METRICS",
     "PARAMETERS",
     "TOPICS",
+    "ActiveCommands",
     "ActuatorParameters",
     "ActuatorReading",
-    "Applied",
     "Batch",
     "Beginning",
     "Block",

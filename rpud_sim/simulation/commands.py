@@ -78,12 +78,12 @@ COMMAND_NAMES: Mapping[type, str] = {  # of topics, and kinds of entries in the 
 
 
 def slot(command: Command) -> str:
-    """Return the field of ``Applied`` that a command takes."""
+    """Return the field of ``ActiveCommands`` that a command takes."""
     return "motion" if isinstance(command, Motion) else COMMAND_NAMES[type(command)]
 
 
 @dataclasses.dataclass(frozen=True)
-class Applied:
+class ActiveCommands:
     """Commands active, and since when.
 
     Times are integer nanoseconds of simulation time. With a feed the weight on bit is none of them.

@@ -114,7 +114,7 @@ class Configuration(ParameterGroup):
     @property
     def has_feed(self) -> bool:
         """Whether a feed or the mount's motion is commanded, and the weight on bit follows."""
-        return self.mount.giver is not None
+        return self.mount.command_type is not None
 
     def check(self, command: Command) -> None:
         """Check that the drill can take a command; of a drive, one that leaves nothing open.
@@ -131,18 +131,18 @@ class Configuration(ParameterGroup):
                     self.parameters.vibration_amplitude * ratio,
                 )
             return
-        giver, model = self.mount.giver, f"with feed_model = {self.mount.feed_model}"
+        command_type, model = self.mount.command_type, f"with feed_model = {self.mount.feed_model}"
         if isinstance(command, Motion):
-            if not (giver and isinstance(command, giver)):
+            if not (command_type and isinstance(command, command_type)):
                 what = "a feed" if isinstance(command, Feed) else "the motion of the mount"
                 raise ParameterError(f"{what} cannot be commanded {model}")
             command.check(self.mount.limits)
-        elif giver:
-            follows = f"it follows from the {COMMAND_NAMES[giver]}"
+        elif command_type:
+            follows = f"it follows from the {COMMAND_NAMES[command_type]}"
             raise ParameterError(f"weight_on_bit cannot be commanded {model}: {follows}")
 
 
-def whole_configuration(drill: Configuration | Parameters) -> Configuration:
+def with_defaults(drill: Configuration | Parameters) -> Configuration:
     """Return a configuration as it is, and parameters with the default actuator and rock."""
     return drill if isinstance(drill, Configuration) else Configuration(drill)
 

@@ -20,7 +20,7 @@ from rpud_sim.model.engine import Buffers, EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.configuration import Configuration, Settings, whole_configuration
+from rpud_sim.simulation.configuration import Configuration, Settings, with_defaults
 from rpud_sim.simulation.metrics import Metrics, RecentEnergy, Values
 from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
 from rpud_sim.simulation.run import Run
@@ -92,7 +92,7 @@ def compile_kernels(
             metrics.add(block)
             block.sample(Times.from_nanoseconds(block.start))
 
-        settings = Settings(whole_configuration(configuration))
+        settings = Settings(with_defaults(configuration))
         run = Run(Plan(Beginning(settings)), wanted=None, on_block=add)
         run.finish(1000)
         metrics.values()

@@ -126,7 +126,7 @@ def _feed(magnitude: float, drill: Configuration) -> str:
 
 
 def _arm(magnitude: float, drill: Configuration) -> str:
-    if drill.mount.giver is MountMotion:
+    if drill.mount.command_type is MountMotion:
         return "needs feed_model = arm, which is given: move the mount"
     return _feed(magnitude, drill)
 

@@ -13,7 +13,7 @@ import numpy as np
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.options import SEED_OR_NONE
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of, whole_time
 from rpud_sim.simulation.commands import COMMAND_NAMES
 from rpud_sim.simulation.configuration import Settings, to_settings
@@ -186,7 +186,7 @@ class Plan:
                     raise ValueError(before)
                 changes.append(Change(entry.time, action_of(entry.kind, entry.content), place))
             except _UNUSABLE as error:
-                raise ChangeError(f"{place}{in_words(error)}") from error
+                raise ChangeError(f"{place}{error_text(error)}") from error
         if beginning is None:
             raise ChangeError("nothing has begun")
         return Plan(beginning, tuple(changes), recorded=True)

@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.drilling.borehole import Borehole
 from rpud_sim.drilling.mount import Motion, Mount, MountMotion
 from rpud_sim.drilling.process import Process
-from rpud_sim.drilling.rock import Progress
+from rpud_sim.drilling.rock import PercussionDepth
 from rpud_sim.drilling.rotor import Rotor
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import DrillConstants, derive
@@ -59,7 +59,7 @@ class Plant:
         # where the weight on bit follows from a feed.
         self.weight_on_bit = parameters.weight_on_bit
         # into the rock by percussion alone
-        self.progress = Progress(configuration.rock, parameters.tool_length)
+        self.progress = PercussionDepth(configuration.rock, parameters.tool_length)
         self._effects = effects_of((), parameters)
         # rotation, feed and borehole
         self.process = self._new_process(configuration)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.model.engine import Buffers, EngineError
@@ -424,7 +424,7 @@ def _placed_errors(place: str) -> Iterator[None]:
     except EngineError:
         raise
     except _UNUSABLE as error:
-        raise ChangeError(f"{place}{in_words(error)}") from error
+        raise ChangeError(f"{place}{error_text(error)}") from error
 
 
 def _made(stream: Stream | None) -> Iterator[Batch]:

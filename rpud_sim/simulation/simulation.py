@@ -14,8 +14,8 @@ from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.changes import Clear
-from rpud_sim.simulation.commands import Applied, Command, Drive, Motion, WeightOnBit, slot
-from rpud_sim.simulation.configuration import Configuration, whole_configuration
+from rpud_sim.simulation.commands import ActiveCommands, Command, Drive, Motion, WeightOnBit, slot
+from rpud_sim.simulation.configuration import Configuration, with_defaults
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.faults import (
     Fault,
@@ -42,14 +42,14 @@ class Simulation:
         initial_phase: float = 0.0,
         buffers: Buffers | None = None,
     ) -> None:
-        configuration = whole_configuration(configuration)
+        configuration = with_defaults(configuration)
         parameters = configuration.parameters
         drive = configuration.nominal_drive
         self.configuration = configuration  # active, without faults; read-only
         self._first_specific_energy = configuration.rock.rock_specific_energy
         # commands active, read-only
         rest = configuration.mount.rest if configuration.has_feed else None
-        self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0, rest)
+        self.applied = ActiveCommands(WeightOnBit(parameters.weight_on_bit), 0, drive, 0, rest)
         self._plant = Plant(configuration, initial_phase, drive, buffers)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._block_start = 0  # end of the last block [ns]

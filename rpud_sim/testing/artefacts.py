@@ -37,7 +37,7 @@ _LONGEST_NAME = 150
 _TIME = 300.0  # that a page may take [s]
 
 
-def leave_artefacts(
+def save_artefacts(
     folder: Path, test: str, drills: Sequence[LockstepDrill], pages: Executor, failure: str = ""
 ) -> tuple[str, list[tuple[str, str]]]:
     """Write what a test leaves; return a text for its failure, and properties for JUnit.

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from rpud_sim.foundation.atomic_folder import write_atomic
 from rpud_sim.foundation.json_text import json_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.user_files import read_file
-from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.testing.errors import DrillError, ExpectationUndecidedError, LostMessagesError
 from rpud_sim.testing.item_drills import give_back_drills, take_drill
 
@@ -159,9 +159,9 @@ class CampaignSession:
             self._report_undecided(session, file_id, results)
             if folder:
                 place.mkdir(parents=True, exist_ok=True)
-                write_whole(page, campaign_page(results))
+                write_atomic(page, campaign_page(results))
                 content = json_text(results.to_dict(), indent=2) + "\n"
-                write_whole(page.with_suffix(".json"), content)
+                write_atomic(page.with_suffix(".json"), content)
 
     def _report_undecided(
         self, session: pytest.Session, file_id: str, results: CampaignResults

@@ -189,13 +189,13 @@ def pytest_runtest_makereport(
     if not name or not (report.failed or keep):
         _add_properties(item, properties)
         return
-    from rpud_sim.testing.artefacts import leave_artefacts
+    from rpud_sim.testing.artefacts import save_artefacts
 
     if _PAGES not in item.config.stash:
         item.config.stash[_PAGES] = ThreadPoolExecutor(1, "rpud_report")
     pages = item.config.stash[_PAGES]
     folder = Path(item.config.rootpath, name)
-    text, places = leave_artefacts(folder, item.nodeid, drills, pages, report.longreprtext)
+    text, places = save_artefacts(folder, item.nodeid, drills, pages, report.longreprtext)
     _add_properties(item, [*properties, *places])
     if hasattr(report.longrepr, "addsection"):
         report.longrepr.addsection("rpud_sim", text)

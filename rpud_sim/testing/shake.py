@@ -87,13 +87,13 @@ class Attempt:
 
 def circumstances(there: DrillRecord, difference: Difference) -> list[str]:
     """Return what disturbed the step of a difference, or the latest one before it, as lines."""
-    from rpud_sim.ros.drill.drawn_order import DrawnOrder
+    from rpud_sim.ros.drill.drawn_order import ShuffledOrder
 
     steps = _steps_of_part(there, difference.part)
     until = next((each.until for each in steps if each.until >= difference.stamp), math.inf)
     for step in reversed([each for each in steps if each.until <= until]):
         lines = list(map(str, step.stops))
-        order = DrawnOrder(step.shuffle, there.rate)
+        order = ShuffledOrder(step.shuffle, there.rate)
         topics = order.order(min(step.until, difference.stamp), there.subscribed)
         if step.shuffle and len(topics) > 1:
             published = f"the drill published {', then '.join(topics)}"

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import Kind
-from rpud_sim.foundation.terminal import in_words
+from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.messages.columns import objects
 from rpud_sim.verdicts.names import SignalField
@@ -177,7 +177,7 @@ class TopicMessages:
                 key += np.array([int(value or 0) for value in self.column(name)], np.int64)
         except (OverflowError, TypeError, ValueError) as error:
             raise ExpectationError(
-                f"{self._topic}: {', '.join(names)}: {in_words(error)}"
+                f"{self._topic}: {', '.join(names)}: {error_text(error)}"
             ) from None
         return key
 
@@ -200,4 +200,4 @@ class TopicMessages:
         try:
             return values.astype(bool if field.is_flag else float)
         except (TypeError, ValueError) as error:
-            raise ExpectationError(f"{self._topic}.{column.name}: {in_words(error)}") from None
+            raise ExpectationError(f"{self._topic}.{column.name}: {error_text(error)}") from None

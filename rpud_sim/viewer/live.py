@@ -23,7 +23,7 @@ from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.commands import plain_refusal
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
 from rpud_sim.viewer.live_history import LiveHistory
-from rpud_sim.viewer.server import EXPIRY, PageServer, Place
+from rpud_sim.viewer.server import EXPIRY, ListenAddress, PageServer
 
 # Actions: methods of ``DrillClient``, with the same arguments.
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
@@ -411,7 +411,7 @@ class LiveStore(Store):
 
 
 def serve_drills(
-    place: Place,
+    place: ListenAddress,
     domain_id: int | None,
     namespace: str,
     announce: Callable[[PageServer, LiveStore], object],

@@ -31,7 +31,7 @@ from rpud_sim.viewer.recording import STATUS_TYPE, Reading, RecordedBag
 from rpud_sim.viewer.waveforms import CHANNELS, Waveform, Waveforms
 
 if TYPE_CHECKING:
-    from rpud_sim.viewer.server import PageServer, Place
+    from rpud_sim.viewer.server import ListenAddress, PageServer
 
 MESSAGES, WAVEFORM = "messages", "waveform"  # what a near view is made of
 MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages themselves [s]
@@ -324,7 +324,7 @@ class RecordedStore(Store):
 
 
 def serve_bag(
-    bag: str | os.PathLike[str], place: Place, announce: Callable[[PageServer], object]
+    bag: str | os.PathLike[str], place: ListenAddress, announce: Callable[[PageServer], object]
 ) -> None:
     """Serve the screen of a bag until SIGINT or SIGTERM.
 

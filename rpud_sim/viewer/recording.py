@@ -24,7 +24,7 @@ from rpud_sim.recorded.runs import RecordedRun, runs_of
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins, gaps_of
 from rpud_sim.viewer.history import History, Signal, is_foreign, namespace
-from rpud_sim.viewer.time_line import Rows, TimeLine
+from rpud_sim.viewer.stamp_times import Rows, StampTimes
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
 OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
@@ -293,7 +293,7 @@ class RecordedBag:
             self._usual_ends[drill] = float(high + (high - low)) / SECOND
         return self._usual_ends[drill]
 
-    def _time_line(self, drill: str) -> TimeLine | None:
+    def _time_line(self, drill: str) -> StampTimes | None:
         for number in self._held[drill][:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
             if not self.is_drill(drill):  # another program may have a clock only later
@@ -303,16 +303,16 @@ class RecordedBag:
                 return self._line(drill, min(found, key=lambda rows: int(rows.stamps[0])))
         return None
 
-    def _line(self, drill: str, first: Rows) -> TimeLine:
+    def _line(self, drill: str, first: Rows) -> StampTimes:
         """Return the time line of a drill; of one run if the journal does not show its runs."""
         journal, origin = f"{drill}/journal", int(first.stamps[0])
         whole = [RecordedRun(str(self.path), journal, first_origin=origin)]
         try:
             runs = runs_of(self.bag, journal) if journal in self.readers else whole
-            return TimeLine(runs, first, self.begin)
+            return StampTimes(runs, first, self.begin)
         except (BagError, OverflowError, RecordingError) as error:
             self.unknown[drill] = str(error)
-            return TimeLine(whole, first, self.begin)
+            return StampTimes(whole, first, self.begin)
 
     def _timed_rows(self, drill: str, number: int) -> list[tuple[str, Rows]]:
         """Return what shows the time of a namespace in a chunk, by topic."""

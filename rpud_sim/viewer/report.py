@@ -29,7 +29,7 @@ from rpud_sim.bag.own_records import (
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
+from rpud_sim.recorded.output import SkippedParts, check_new_file, write_new_file
 from rpud_sim.simulation.fault_kinds import fault_text
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
@@ -75,7 +75,7 @@ def write_report(
             store.open(client)
         except StoreError as error:
             raise RecordingError(str(error)) from None
-        recording, damages = store.recording, Damages(store.recording.bag)
+        recording, damages = store.recording, SkippedParts(store.recording.bag)
         history, frame = store.histories[client.drill], store.frame(client) or {}
         frozen = _frame(history, frame, damages)
         title = f"{Path(path).resolve().name} – report"
@@ -94,7 +94,7 @@ def write_report(
         return Reported(len(shown), sum(each.message_count for each in shown), left_out, damaged)
 
 
-def _frame(history: RecordedDrill, frame: dict[str, Any], damages: Damages) -> dict[str, Any]:
+def _frame(history: RecordedDrill, frame: dict[str, Any], damages: SkippedParts) -> dict[str, Any]:
     """Return the one frame of a report, from the first one of a screen."""
     now, drill = float(frame["now"]), history.drill
     others = [name for name in frame["drills"] if name != drill]
@@ -130,7 +130,9 @@ def _moment(history: RecordedDrill, time: float) -> dict[str, Any]:
     return {"time": time, "frame": frame}
 
 
-def _report(history: RecordedDrill, frame: Mapping[str, Any], damages: Damages) -> dict[str, Any]:
+def _report(
+    history: RecordedDrill, frame: Mapping[str, Any], damages: SkippedParts
+) -> dict[str, Any]:
     now, [bins] = float(frame["now"]), history.bins
     tables = []
     if history.impacts.total:

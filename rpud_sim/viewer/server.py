@@ -64,7 +64,7 @@ class ServerError(ExpectedError, RuntimeError):
 
 
 @dataclass(frozen=True)
-class Place:
+class ListenAddress:
     """Where a server listens."""
 
     port: int = DEFAULT_PORT  # 0 for a free one
@@ -72,7 +72,7 @@ class Place:
     token: str = ""  # that a browser must know; empty for none
 
     @classmethod
-    def of(cls, port: int = DEFAULT_PORT, address: str = LOOPBACK) -> Place:
+    def of(cls, port: int = DEFAULT_PORT, address: str = LOOPBACK) -> ListenAddress:
         """Return a place, with a new token if other machines can reach it."""
         return cls(port, address, "" if _is_own(address) else secrets.token_urlsafe(_TOKEN_BYTES))
 
@@ -93,7 +93,7 @@ class PageServer:
     The store works in one thread.
     """
 
-    def __init__(self, store: Store, place: Place) -> None:
+    def __init__(self, store: Store, place: ListenAddress) -> None:
         logging.getLogger("tornado.access").setLevel(logging.ERROR)
         try:
             self._sockets = bind_sockets(place.port, place.address)
@@ -409,7 +409,7 @@ def _parts(url: str) -> SplitResult:
         return urlsplit("")
 
 
-def _why_not(place: Place, error: OSError) -> str:
+def _why_not(place: ListenAddress, error: OSError) -> str:
     where = f"port {place.port} of {place.address}"
     if error.errno == errno.EADDRINUSE:
         return f"{where} is in use: choose another one with --port, or 0 for a free one"

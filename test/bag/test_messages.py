@@ -108,7 +108,7 @@ def test_they_are_the_same_whatever_wrote_the_file(
 
 
 @pytest.fixture(scope="module")
-def whole_file(tmp_path_factory):
+def atomic_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "bag.mcap"
     entries = [("/a" if number % 3 else "/b", number, bytes(9)) for number in range(80)]
     options = {"compression": CompressionType.NONE, "enable_crcs": False}
@@ -116,8 +116,8 @@ def whole_file(tmp_path_factory):
 
 
 @given(st.data())
-def test_a_damaged_file_gives_the_same_error(whole_file, tmp_path_factory, data):
-    content = bytearray(whole_file)
+def test_a_damaged_file_gives_the_same_error(atomic_file, tmp_path_factory, data):
+    content = bytearray(atomic_file)
     for _ in range(data.draw(st.integers(1, 3))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     path = tmp_path_factory.mktemp("damaged") / "bag.mcap"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.rock import Progress, RockParameters
+from rpud_sim.drilling.rock import PercussionDepth, RockParameters
 from rpud_sim.model.segment import IMPACT
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
@@ -24,7 +24,7 @@ def impacts(energies, spacing=0.002):
 
 
 def after(energies, rock=SANDSTONE, length=0.09, **factors):
-    progress = Progress(rock, length)
+    progress = PercussionDepth(rock, length)
     progress.add(impacts(energies), **factors)
     return progress
 
@@ -48,7 +48,7 @@ def test_without_a_rock_model_there_is_no_depth():
 )
 def test_it_does_not_matter_how_impacts_are_split_into_blocks(energies, cuts, spacing):
     records = impacts(energies, spacing)
-    whole, parts = Progress(SANDSTONE, 0.09), Progress(SANDSTONE, 0.09)
+    whole, parts = PercussionDepth(SANDSTONE, 0.09), PercussionDepth(SANDSTONE, 0.09)
     whole.add(records)
     for part in np.split(records, sorted(cuts)):
         parts.add(part)

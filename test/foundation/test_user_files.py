@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
+from rpud_sim.foundation.atomic_folder import write_atomic
 from rpud_sim.foundation.user_files import named_errors, open_file, read_file
-from rpud_sim.foundation.whole_folder import write_whole
 
 
 def refusal(path):
@@ -45,7 +45,7 @@ def test_errors_of_an_open_file_have_the_path(tmp_path):
     ):
         full.write(b"x")
     with pytest.raises(OSError, match="Is a directory") as error:
-        write_whole(tmp_path, "x")
+        write_atomic(tmp_path, "x")
     assert error.value.filename
 
 

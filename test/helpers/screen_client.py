@@ -9,7 +9,7 @@ from frame_reader import decode
 from support import PATIENCE
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
-from rpud_sim.viewer.server import PageServer, Place
+from rpud_sim.viewer.server import ListenAddress, PageServer
 
 
 class ClosedError(Exception):
@@ -92,7 +92,7 @@ class ScreenClient:
 @contextmanager
 def serving(store, token="", address="127.0.0.1"):
     """Serve a store in a thread; the value is the server."""
-    server = PageServer(store, Place(0, address, token))
+    server = PageServer(store, ListenAddress(0, address, token))
     thread = threading.Thread(target=server.run)
     thread.start()
     try:

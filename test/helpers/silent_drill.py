@@ -2,7 +2,7 @@
 
 from rpud_sim.simulation.block import join_blocks
 from rpud_sim.simulation.changes import Clear, Configure, Inject
-from rpud_sim.simulation.configuration import Settings, to_values, whole_configuration
+from rpud_sim.simulation.configuration import Settings, to_values, with_defaults
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
 
@@ -14,7 +14,7 @@ class SilentDrill:
         self, configuration, initial_phase=0.0, faults=(), journal=None, rejected=None, **values
     ):
         self._blocks = []
-        settings = Settings(whole_configuration(configuration), **values)
+        settings = Settings(with_defaults(configuration), **values)
         plan = Plan(Beginning(settings, initial_phase, faults=tuple(faults)))
         self.run = Run(plan, journal, None, on_block=self._keep, rejected=rejected)
         if "command_timeout" in values:
@@ -51,5 +51,5 @@ class SilentDrill:
 
 def plans_of(configuration, phases, changes=()):
     """Return a plan for each initial phase [cycles]."""
-    settings = Settings(whole_configuration(configuration))
+    settings = Settings(with_defaults(configuration))
     return [Plan(Beginning(settings, phase), tuple(changes)) for phase in phases]

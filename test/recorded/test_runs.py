@@ -15,7 +15,7 @@ from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.fork import write_fork
 from rpud_sim.recorded.journal import UnverifiableError
-from rpud_sim.recorded.output import Damages
+from rpud_sim.recorded.output import SkippedParts
 from rpud_sim.recorded.runs import find_drill, runs_of
 from rpud_sim.recorded.verify import verify
 from rpud_sim.simulation.topics import PROVED, TOPICS
@@ -104,7 +104,7 @@ def test_several_runs_need_publishing_times(bag, tmp_path, delay):
     with pytest.raises(UnverifiableError, match=r"cannot be decided: the bag holds 2 runs"):
         runs_in(path)
     with rpud_sim.bag.open(path) as opened:
-        found = find_drill(opened, rpud_sim.recorded.output.Damages(opened))
+        found = find_drill(opened, rpud_sim.recorded.output.SkippedParts(opened))
     assert (found.entries, found.runs) == ((), 1)
     assert "cannot be decided" in found.warnings[0]
 
@@ -318,5 +318,5 @@ def test_a_drill_is_found_in_any_namespace(used, tmp_path, namespace):
     path = merged(tmp_path / "bag", (used.path, 0, namespace))
     with rpud_sim.bag.open(path) as bag:
         assert [run.namespace for run in runs_of(bag)] == [namespace] * 2
-        drill = find_drill(bag, Damages(bag), namespace)
+        drill = find_drill(bag, SkippedParts(bag), namespace)
     assert (drill.namespace, drill.runs) == (namespace, 2)

@@ -14,7 +14,7 @@ from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.block import boundaries_until, boundary
-from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import ActiveCommands, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plan import Journal
@@ -98,7 +98,7 @@ def test_commands_come_back_as_applied_and_the_same_again_changes_nothing():
     journal = Journal()
     actuator = ActuatorParameters(nominal_voltage=50.0)
     simulation = SilentDrill(Configuration(actuator=actuator), journal=journal)
-    first = Applied(WeightOnBit(8.0), 0, Drive(True, 50.0, 16000.0), 0)
+    first = ActiveCommands(WeightOnBit(8.0), 0, Drive(True, 50.0, 16000.0), 0)
     simulation.advance_to(MILLISECOND)
     for command in (WeightOnBit(8.0), Drive(True, 50.0, 16000.0)):
         simulation.apply(command)
@@ -107,7 +107,9 @@ def test_commands_come_back_as_applied_and_the_same_again_changes_nothing():
     simulation.apply(WeightOnBit(30.0))
     simulation.advance_to(5 * MILLISECOND)
     simulation.apply(Drive(True, 25.0, 20000.0))
-    second = Applied(WeightOnBit(30.0), MILLISECOND, Drive(True, 25.0, 20000.0), 5 * MILLISECOND)
+    second = ActiveCommands(
+        WeightOnBit(30.0), MILLISECOND, Drive(True, 25.0, 20000.0), 5 * MILLISECOND
+    )
     assert simulation.applied == second
     fed = SilentDrill(to_configuration({"feed_model": "arm"}), journal=journal)
     for command in (STOPPED, Feed("rate", 1e-3), Feed("rate", 1e-3)):

@@ -15,7 +15,7 @@ from rpud_sim.simulation.plan import Beginning, JournalEntry
 from rpud_sim.viewer import recording as recordings
 from rpud_sim.viewer.frames import ClientState, View
 from rpud_sim.viewer.recorded import RecordedStore
-from rpud_sim.viewer.recording import RecordedBag, Rows, TimeLine
+from rpud_sim.viewer.recording import RecordedBag, Rows, StampTimes
 
 STEP = 10_000_000
 
@@ -206,17 +206,17 @@ def test_time_goes_on_as_that_of_the_simulation(changes):
         else:
             origin = -now
         entries += [(each, origin + now, now, published) for each in ("begin", "origin")]
-    line = TimeLine(runs, first_of(stamps[0], sent[0]), sent[0])
+    line = StampTimes(runs, first_of(stamps[0], sent[0]), sent[0])
     assert (np.array(stamps) - line.offsets(np.array(sent))).tolist() == expected
 
 
 def test_a_late_recording_begins_at_zero_and_what_came_before_its_first_run_is_shown():
     whole = run_of(1, [("begin", 0, 0, 0), ("origin", 0, 0, 0)], (0, 500), 500)
     last = run_of(2, [("begin", 7, 0, 501), ("origin", 7, 0, 501)], (501, 2**62), 90)
-    late = TimeLine([whole, last], first_of(47, 541), 541)
+    late = StampTimes([whole, last], first_of(47, 541), 541)
     assert late.offset(541) == 47
     assert (late.number(541), len(late.runs)) == (0, 1)
-    torn = TimeLine([last], first_of(400, 401), 401)  # the beginning of its first run is missing
+    torn = StampTimes([last], first_of(400, 401), 401)  # the beginning of its first run is missing
     assert [torn.offset(401), torn.offset(501)] == [400, 7 - 100]
 
 

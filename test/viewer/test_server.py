@@ -17,7 +17,7 @@ from screen_client import ClosedError, ScreenClient, serving
 import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.frames import StoreError, View, encode
-from rpud_sim.viewer.server import PageServer, Place, ServerError
+from rpud_sim.viewer.server import ListenAddress, PageServer, ServerError
 
 PROXY = "; a proxy in between must keep the header Host"
 
@@ -157,7 +157,7 @@ def test_a_port_in_use_is_named():
         serving(Numbers()) as server,
         pytest.raises(ServerError, match=f"port {server.port} of 127.0.0.1 is in use"),
     ):
-        PageServer(Numbers(), Place(server.port))
+        PageServer(Numbers(), ListenAddress(server.port))
 
 
 def test_a_frame_comes_when_the_one_before_was_acknowledged(server, store):

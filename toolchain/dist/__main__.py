@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rpud_sim.foundation.terminal import complain
+from rpud_sim.foundation.terminal import print_error
 from toolchain.dist.kernels import compile_kernels
 from toolchain.dist.messages import BUILT, ROOT, stage_messages
 from toolchain.dist.pythons import VERSIONS, Python, find_pythons
@@ -34,11 +34,11 @@ def main() -> int:
     arguments = parser.parse_args()
     reason = _obstacle()
     if reason:
-        complain(_PROGRAM, reason)
+        print_error(_PROGRAM, reason)
         return 1
     pythons = find_pythons(arguments.python)
     if not pythons:
-        complain(_PROGRAM, f"needs the headers of a CPython {VERSIONS[0]} to {VERSIONS[-1]}")
+        print_error(_PROGRAM, f"needs the headers of a CPython {VERSIONS[0]} to {VERSIONS[-1]}")
         return 1
 
     work = ROOT / "build" / "dist"
@@ -53,14 +53,14 @@ def _build(work: Path, out: Path, pythons: Sequence[Python]) -> int:
     try:
         tag = stage_messages(work / "rpud_msgs", pythons)
         for line in compile_kernels(work / "kernels", pythons, ROOT):
-            complain(_PROGRAM, f"{line}; the first start compiles there")
+            print_error(_PROGRAM, f"{line}; the first start compiles there")
         # A wheel of an earlier build beside the new one would stop `pip install dist/*.whl`.
         for old in out.glob("rpud_*.whl"):
             old.unlink()
         _build_wheel(work / "rpud_msgs", out)
         _build_wheel(ROOT, out, f"--config-settings=kernels={work / 'kernels'}")
     except subprocess.CalledProcessError as error:
-        complain(_PROGRAM, f"{Path(error.cmd[0]).name} failed with exit code {error.returncode}")
+        print_error(_PROGRAM, f"{Path(error.cmd[0]).name} failed with exit code {error.returncode}")
         return 1
     print(f"messages for {tag}")
     for wheel in sorted(out.glob("rpud_*.whl")):

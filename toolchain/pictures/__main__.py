@@ -19,7 +19,7 @@ from pathlib import Path
 from playwright.sync_api import Browser
 from playwright.sync_api import Error as BrowserError
 
-from rpud_sim.foundation.terminal import complain
+from rpud_sim.foundation.terminal import print_error
 from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events, draw_interface
 from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_page, save, stacked
 
@@ -160,7 +160,7 @@ def main() -> int:
                     PAGES[name](browser, arguments.out / f"{name}.png", Path(folder))
             print(f"{name} is made", file=sys.stderr)
     except (BrowserError, OSError, subprocess.CalledProcessError) as error:
-        complain("pictures", error)
+        print_error("pictures", error)
         return 1
     return 0
 

@@ -28,7 +28,7 @@ from rpud_sim.recorded.compare.metrics import (
     read_values,
 )
 from rpud_sim.recorded.compare.same_bits import DIFFERENT, EQUAL, TopicBits, compare_bits
-from rpud_sim.recorded.output import Damages
+from rpud_sim.recorded.output import SkippedParts
 from rpud_sim.recorded.runs import RecordedRun, find_drill
 from rpud_sim.simulation import PARAMETERS
 
@@ -197,7 +197,7 @@ def compare(
         held = []
         for path, space, number in chosen:
             bag = opened.enter_context(rpud_sim.bag.open(path))
-            damages = Damages(bag)
+            damages = SkippedParts(bag)
             held.append((bag, find_drill(bag, damages, space, number), damages))
         runs = [read_values(*each, report) for each in held]
         drills = [drill for _, drill, _ in held]

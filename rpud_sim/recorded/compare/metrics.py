@@ -21,7 +21,7 @@ from rpud_sim.foundation.shown_quantities import QUANTITIES as SHOWN
 from rpud_sim.foundation.shown_quantities import ShownQuantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.columns import Kind, usable
-from rpud_sim.recorded.output import Damages
+from rpud_sim.recorded.output import SkippedParts
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.simulation.topics import TOPICS
 
@@ -107,7 +107,7 @@ class RecordedValues:
 
 
 def read_values(
-    bag: BagReader, drill: RecordedRun, damages: Damages, report: Callable[[int], object]
+    bag: BagReader, drill: RecordedRun, damages: SkippedParts, report: Callable[[int], object]
 ) -> RecordedValues:
     """Return the values of a run in a bag."""
     wanted = {drill.topic(metric.topic): metric.topic for metric in METRICS}

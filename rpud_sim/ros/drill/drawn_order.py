@@ -14,7 +14,7 @@ _FIRST = "journal"  # a recorder must have an entry before what follows from it
 Timed = tuple[int, str, bytes]  # simulation time [ns], topic, and serialized message
 
 
-class DrawnOrder:
+class ShuffledOrder:
     """Order among topics that a seed determines, of a drill with a whole ``telemetry_rate`` [Hz].
 
     ROS keeps the order within one topic only, and so does this. It differs from period to period

@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.messages.encoder import Encoder
-from rpud_sim.ros.drill.drawn_order import DrawnOrder
+from rpud_sim.ros.drill.drawn_order import ShuffledOrder
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import has_lost_subscriber, members_of, message_class
 from rpud_sim.simulation.fields import time_fields
@@ -159,7 +159,7 @@ class DrillPublishers:
             self._send(name, message)
 
     def send_shuffled(
-        self, messages: Iterable[Encoded], time: int, stamp: int, order: DrawnOrder
+        self, messages: Iterable[Encoded], time: int, stamp: int, order: ShuffledOrder
     ) -> None:
         """Publish the messages up to a simulation time [ns] in a drawn order, with pauses.
 

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.ros.drill.commands import Inbox
-from rpud_sim.ros.drill.drawn_order import DrawnOrder
+from rpud_sim.ros.drill.drawn_order import ShuffledOrder
 from rpud_sim.ros.drill.health import StatusReporter
 from rpud_sim.ros.drill.managed_node import DuplicateNodes
 from rpud_sim.ros.drill.publishers import DrillPublishers, Encoded
@@ -185,7 +185,7 @@ class Session:
         """Publish the messages of a block at its deadline."""
         pacer = self.timeline.pacer
         if self.timeline.goal is not None and self._shuffle:
-            order = DrawnOrder(self._shuffle, self._first_settings.telemetry_rate)
+            order = ShuffledOrder(self._shuffle, self._first_settings.telemetry_rate)
             self.publishers.send_shuffled(messages, self.run.time, self.stamp, order)
         else:
             self.publishers.publish_clock(self.stamp)

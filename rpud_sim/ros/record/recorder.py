@@ -19,7 +19,7 @@ from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.record.drill_queries import JournalQuery, ParameterQuery
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake, WritingThread
+from rpud_sim.ros.record.writing import WriteQueue, WritingThread
 
 # Metadata record of topics that could not be recorded, with the reasons.
 SKIPPED_RECORD = "rpud_skipped"
@@ -50,7 +50,7 @@ def record(
 
 
 def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], None]) -> RecordResult:
-    intake = Intake(options.max_cache_size, paused=options.start_paused)
+    intake = WriteQueue(options.max_cache_size, paused=options.start_paused)
     node = Recorder(intake, options)
     with BagWriter(
         options.out,

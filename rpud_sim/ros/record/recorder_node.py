@@ -33,7 +33,7 @@ from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.received import DISCOVERY, ReceivedTopic, Sink
 from rpud_sim.ros.record.declaration import declaration
 from rpud_sim.ros.record.log_clock import LogClock, ReceptionTime
-from rpud_sim.ros.record.writing import Intake
+from rpud_sim.ros.record.writing import WriteQueue
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 _DEPTH = 10_000
@@ -51,8 +51,8 @@ _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove
 _log_time = attrgetter("log_time")
 
 # Services: std_srvs/Trigger, but for rpud_msgs/IsPaused.
-_ACTIONS: dict[str, Callable[[Intake], None]] = {
-    "pause": Intake.pause,
+_ACTIONS: dict[str, Callable[[WriteQueue], None]] = {
+    "pause": WriteQueue.pause,
     "resume": lambda intake: intake.pause(False),
     "is_paused": lambda intake: None,
     "toggle_paused": lambda intake: intake.pause(not intake.paused),
@@ -64,7 +64,7 @@ _TEXTS = {"split_bagfile": "continues in a new file"}
 class Recorder(Node):
     """Receives serialized messages of the topics that the options select, for an intake."""
 
-    def __init__(self, intake: Intake, options: RecordOptions) -> None:
+    def __init__(self, intake: WriteQueue, options: RecordOptions) -> None:
         # rclpy itself would log a warning, and would not name an invalid topic.
         validate_namespace(f"/{options.namespace.lstrip('/')}")
         for topic in options.topics:

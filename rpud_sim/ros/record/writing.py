@@ -19,7 +19,7 @@ Item = Message | Callable[[BagWriter], object]
 _CHECKED_SIZE = 1 << 20  # messages between two looks at the free space [bytes]
 
 
-class Intake:
+class WriteQueue:
     """Messages on their way from the thread that receives them to the one that writes.
 
     At most ``capacity`` bytes wait; what does not fit is dropped. A pause discards messages; at
@@ -105,7 +105,7 @@ class WritingThread(threading.Thread):
 
     def __init__(
         self,
-        intake: Intake,
+        intake: WriteQueue,
         bag: BagWriter,
         max_loss: float,
         on_end: Callable[[], None],

@@ -25,7 +25,7 @@ from rpud_sim.bag import BagError, BagFormatError, BagReader, Message, TopicSumm
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.options import NAMESPACE
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed, suggestion
-from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, in_words, printable
+from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, error_text, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.messages.cdr import Codec, foreign_encoding
 from rpud_sim.messages.columns import to_plain
@@ -210,7 +210,7 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
         try:
             return filled(installed(), to_plain(codec.decode(data)))
         except (AssertionError, AttributeError, TypeError, ValueError) as error:
-            reason = f"it does not fit the installed {topic.type}: {in_words(error)}"
+            reason = f"it does not fit the installed {topic.type}: {error_text(error)}"
             raise BagFormatError(reason) from error
 
     return converted

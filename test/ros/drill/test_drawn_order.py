@@ -1,6 +1,6 @@
 """The drawn order among topics."""
 
-from rpud_sim.ros.drill.drawn_order import DrawnOrder
+from rpud_sim.ros.drill.drawn_order import ShuffledOrder
 
 RATE, PERIOD = 100, 10_000_000  # Hz, ns
 TOPICS = ("contact_force", "journal", "reacting_force", "wrench")
@@ -14,7 +14,7 @@ MESSAGES = [
 
 
 def published(seed):
-    return [message for _, part in DrawnOrder(seed, RATE).parts(MESSAGES) for message in part]
+    return [message for _, part in ShuffledOrder(seed, RATE).parts(MESSAGES) for message in part]
 
 
 def test_a_seed_draws_the_order_of_topics_in_each_period_and_keeps_the_order_within_a_topic():
@@ -26,12 +26,12 @@ def test_a_seed_draws_the_order_of_topics_in_each_period_and_keeps_the_order_wit
         assert of_topic == [message for message in MESSAGES if message[1] == name]
     for number in range(10):  # no message leaves its period
         found = [topic for _, topic, _ in messages[8 * number : 8 * number + 8 : 2]]
-        assert found == DrawnOrder(7, RATE).order((number + 1) * PERIOD, TOPICS)
+        assert found == ShuffledOrder(7, RATE).order((number + 1) * PERIOD, TOPICS)
         assert found[0] == "journal"
-    orders = {tuple(DrawnOrder(7, RATE).order(n * PERIOD, TOPICS)) for n in range(1, 11)}
+    orders = {tuple(ShuffledOrder(7, RATE).order(n * PERIOD, TOPICS)) for n in range(1, 11)}
     assert len(orders) > 2
 
 
 def test_some_topics_are_paused_before_for_milliseconds():
-    pauses = {pause for pause, _ in DrawnOrder(7, RATE).parts(MESSAGES)}
+    pauses = {pause for pause, _ in ShuffledOrder(7, RATE).parts(MESSAGES)}
     assert pauses == {0.0, 0.002, 0.005}

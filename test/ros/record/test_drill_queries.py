@@ -15,7 +15,7 @@ from rpud_sim.bag import Message
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record.drill_queries import JournalQuery
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake
+from rpud_sim.ros.record.writing import WriteQueue
 
 LATCHED = QoSProfile(depth=2, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FIRST_TIME = 1_000  # publishing time of entry 0 [ns]
@@ -52,7 +52,7 @@ class Recording:
     """A recorder without a bag."""
 
     def __init__(self):
-        self.intake = Intake()
+        self.intake = WriteQueue()
         self.node = Recorder(self.intake, RecordOptions(out="bag", topics=()))
         self.query = JournalQuery(self.node)
         self.messages = []

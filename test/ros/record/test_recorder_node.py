@@ -19,7 +19,7 @@ from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record import recorder_node
 from rpud_sim.ros.record.recorder import failure
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.writing import Intake
+from rpud_sim.ros.record.writing import WriteQueue
 
 RELIABLE = QoSProfile(depth=100)
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -36,7 +36,7 @@ def peer(nodes):
 def record(nodes):
     def start(topics=(), namespace="/rpud", capacity=1 << 20, **options):
         options = RecordOptions(out="bag", topics=topics, namespace=namespace, **options)
-        nodes.append(Recorder(Intake(capacity), options))
+        nodes.append(Recorder(WriteQueue(capacity), options))
         return nodes[-1]
 
     return start

@@ -12,7 +12,7 @@ from support import PATIENCE
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile
-from rpud_sim.ros.record.writing import Intake, WritingThread
+from rpud_sim.ros.record.writing import WriteQueue, WritingThread
 
 
 def message(data=b"12345678", topic=TALK.name, log_time=START):
@@ -23,7 +23,7 @@ class Writing:
     """A thread that writes what is queued into a bag of some kind."""
 
     def __init__(self, path, kind=BagWriter, bound=1.0):
-        self.path, self.intake, self.ended = path, Intake(), threading.Event()
+        self.path, self.intake, self.ended = path, WriteQueue(), threading.Event()
         self.bag = kind(path)
         self.thread = WritingThread(self.intake, self.bag, bound, self.ended.set)
 
@@ -104,8 +104,8 @@ LATCHED = dataclasses.replace(CHAT, offered_qos=(QosProfile(durability="transien
 
 @pytest.fixture
 def intake():
-    """Intake for three messages of eight bytes, in a pause."""
-    intake = Intake(capacity=24, paused=True)
+    """WriteQueue for three messages of eight bytes, in a pause."""
+    intake = WriteQueue(capacity=24, paused=True)
     intake.declare(TALK, STRING_DEFINITION)
     intake.declare(LATCHED, STRING_DEFINITION)
     return intake

@@ -28,7 +28,7 @@ class Rows(NamedTuple):
         return Rows(logs, published, stamps, values)
 
 
-class TimeLine:
+class StampTimes:
     """Times since a bag began of a drill's stamps: a run begins where the one before ended.
 
     Time is simulation time, which stops during a pause. ``first`` is the first message.

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file, whole_folder
+from rpud_sim.foundation.atomic_folder import UNFINISHED, atomic_file, atomic_folder
 
 
 def written(context, error):
@@ -25,8 +25,8 @@ def written(context, error):
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_after_an_error_nothing_is_left_but_what_was_there(tmp_path, error):
     (tmp_path / "old").write_text("old")
-    written(whole_folder(tmp_path / "out"), error)
-    written(whole_file(tmp_path / "old"), error)
+    written(atomic_folder(tmp_path / "out"), error)
+    written(atomic_file(tmp_path / "old"), error)
     assert os.listdir(tmp_path) == ["old"]
     assert (tmp_path / "old").read_text() == "old"
 
@@ -36,7 +36,7 @@ def test_after_an_error_nothing_is_left_but_what_was_there(tmp_path, error):
 def test_what_exists_is_named_and_left_alone(tmp_path, monkeypatch, name, make):
     monkeypatch.chdir(tmp_path)
     getattr(tmp_path / name, make)(*[tmp_path / "nowhere"] * (make == "symlink_to"))
-    with pytest.raises(FileExistsError) as caught, whole_folder("out"):
+    with pytest.raises(FileExistsError) as caught, atomic_folder("out"):
         pytest.fail("it was entered")
     assert caught.value.filename == name
     assert os.listdir(tmp_path) == [name]
@@ -45,7 +45,7 @@ def test_what_exists_is_named_and_left_alone(tmp_path, monkeypatch, name, make):
 def test_a_file_replaces_the_old_one_when_it_is_written(tmp_path):
     path = tmp_path / "table"
     path.write_text("old")
-    with whole_file(path) as unfinished:
+    with atomic_file(path) as unfinished:
         unfinished.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
@@ -57,9 +57,9 @@ import signal, sys
 from pathlib import Path
 from rpud_sim.cli.program import run_program
 signal.signal(int(sys.argv[1]), signal.SIG_IGN)
-from rpud_sim.foundation.whole_folder import whole_file, whole_folder
+from rpud_sim.foundation.atomic_folder import atomic_file, atomic_folder
 def run():
-    with whole_folder("folder") as folder, whole_file(folder / "a"), whole_file(Path("b")) as b:
+    with atomic_folder("folder") as folder, atomic_file(folder / "a"), atomic_file(Path("b")) as b:
         b.write_text("half")
         print("half", flush=True)
         signal.pause()
@@ -89,7 +89,7 @@ def test_the_rest_of_a_killed_process_is_overwritten_and_a_link_is_not_followed(
     precious = tmp_path / "precious"
     precious.write_text("precious")
     (tmp_path / f"table{UNFINISHED}").symlink_to(precious)
-    with whole_file(path) as unfinished:
+    with atomic_file(path) as unfinished:
         unfinished.write_text("new")
     assert precious.read_text() == "precious"
     assert path.read_text() == "new"

@@ -16,7 +16,7 @@ UNFINISHED = ".unfinished"
 
 
 @contextmanager
-def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     """Context with a new folder, which is renamed to ``out`` at its end; deleted after an error.
 
     A FileExistsError names ``out``, or ``out`` with ``.part``, its name until then, if it exists.
@@ -36,7 +36,7 @@ def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Context with a path to write to, which replaces ``path`` when all is on the disk."""
     unfinished = path.with_name(path.name + UNFINISHED)
     # A killed process may have left it. A link of that name must not be followed: its target is not
@@ -53,7 +53,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
+def write_atomic(path: Path, content: str | bytes) -> None:
     """Write a file that appears when it is complete."""
-    with named_errors(path), whole_file(path) as unfinished:
+    with named_errors(path), atomic_file(path) as unfinished:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
