@@ -1,6 +1,7 @@
 """`rpud run`: the main job, whole, in processes of its own."""
 
 import os
+import re
 import signal
 import subprocess
 from pathlib import Path
@@ -52,7 +53,8 @@ def test_it_shows_rate_and_forces_and_ends_with_a_summary_and_the_bag(session):
     assert lines[0].startswith("recorded ")
     assert "drilled 2.00 s: " in output
     assert "impacts/s  peak force " in output
-    assert "deadlines missed, 0 commands accepted, 0 rejected, 0 messages dropped" in output
+    end = r"deadlines? missed, 0 commands accepted, 0 rejected, 0 messages dropped"
+    assert re.search(end, output)
     assert lines[-1] == f"bag: {path}"
     live = [line for line in errors.splitlines() if "reacting force" in line]
     assert live, errors
