@@ -111,17 +111,23 @@ def has_lost_subscriber(node: Node, topic: str) -> bool:
     """Return whether a process on this machine that subscribes to a topic has ended, or is stopped.
 
     The middleware remembers one that was killed for up to 20 s. Fast DDS begins identifiers with
-    vendor and machine, and continues with the lower half of the process's number.
+    vendor and machine, and continues with the lower half of the process's number. A process in
+    another container beside this one cannot be seen, and counts as ended.
     """
     own = os.getpid().to_bytes(8, "little")[:2]
     offers = [bytes(e.endpoint_gid) for e in node.get_publishers_info_by_topic(topic)]
     machines = {gid[:4] for gid in offers if gid[4:6] == own}
     requests = [bytes(e.endpoint_gid) for e in node.get_subscriptions_info_by_topic(topic)]
     running = set[bytes]()
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):  # it has just ended
-            if entry.read_text().rpartition(")")[2].split()[0] not in _STANDING:
-                running.add(int(entry.parent.name).to_bytes(8, "little")[:2])
+    for entry in Path("/proc").glob("[0-9]*/status"):
+        with suppress(OSError, LookupError):  # it has just ended
+            lines = entry.read_text().split("\n")
+            values = {
+                name: rest.split() for name, _, rest in (line.partition(":") for line in lines)
+            }
+            if values["State"][0] not in _STANDING:
+                # A process in a container has a number there, too.
+                running.update(int(n).to_bytes(8, "little")[:2] for n in values["NSpid"])
     return any(gid[:4] in machines and gid[4:6] not in running for gid in requests)
 
 

@@ -140,21 +140,21 @@ class Process:
 
     def interrupt(self) -> None:
         """Send SIGINT, as Ctrl-C does."""
-        self._send(signal.SIGINT)
+        self.send(signal.SIGINT)
 
     def terminate(self) -> None:
         """Send SIGTERM, as `kill` and service managers do."""
-        self._send(signal.SIGTERM)
+        self.send(signal.SIGTERM)
 
     def kill(self) -> None:
         """Send SIGKILL, which leaves it no time for anything."""
-        self._send(signal.SIGKILL)
+        self.send(signal.SIGKILL)
 
     def stop(self) -> None:
         """End it by the gentlest signal that it obeys, then whatever it left in its group."""
         self._child.stop()
 
-    def _send(self, number: int) -> None:
+    def send(self, number: int) -> None:
         if self.running:  # to itself alone, not to what it has started
             os.kill(self.pid, number)
 
