@@ -214,12 +214,13 @@ def kernel_compiler(store: KernelStore, room: Path) -> Callable[[Callable[..., A
     Every kernel comes from the sources in the folder ``room``, beside its own file.
     """
     own = tuple(sorted(Path(__file__).parent.glob("*.py")))
-    shared = tuple(sorted(room.glob("*.py")))
+    shared = tuple(sorted(room.resolve().glob("*.py")))
 
     def compiled(function: Callable[..., Any]) -> Any:
         if config.DISABLE_JIT:
             return njit(function)
-        file = Path(function.__code__.co_filename)
+        # Bytecode that pytest keeps has the path by which the file was imported first.
+        file = Path(function.__globals__["__file__"]).resolve()
         return Kernel(function, store, (*own, *shared, *(() if file in shared else (file,))))
 
     return compiled

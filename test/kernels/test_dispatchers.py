@@ -107,6 +107,20 @@ def test_kernels_serve_a_read_only_copy_elsewhere_with_other_times(package, tmp_
     assert run(elsewhere, HOME="/nonexistent", XDG_CACHE_HOME="") == LOADED
 
 
+def test_bytecode_that_was_made_elsewhere_has_the_same_kernels(package):
+    """Pytest keeps bytecode with the path by which a file was imported first."""
+    moved = """
+from importlib.machinery import SourceFileLoader
+def get_code(loader, name):
+    return compile(loader.get_data(loader.path), loader.path.replace("room", "former"), "exec")
+SourceFileLoader.get_code = get_code
+"""
+    (package / "moved.py").write_text(moved + MAIN)
+    assert run(package) == COMPILED
+    assert run(package, main="moved.py") == LOADED
+    assert len(list((package / "kernels").iterdir())) == 1
+
+
 def test_a_whole_file_that_is_no_kernel_is_compiled_again(package):
     assert run(package) == COMPILED
     [file] = (package / "kernels").iterdir()
