@@ -61,8 +61,8 @@ def content(line):
 
 
 def shape(line):
-    """Return a line with every number alike, too."""
-    return NUMBER.sub("0", content(line))
+    """Return a line with every number alike, too, and with one of something as with several."""
+    return re.sub(r"s\b", "", NUMBER.sub("0", content(line)))
 
 
 def run(command, folder):
