@@ -125,7 +125,7 @@ class MountParameters(ParameterGroup):
         5e-3, "m/s", "greatest rate of the feed, in both directions", 1e-9, 1.0
     )
     arm_stiffness: float = number(
-        2e4, "N/m", "stiffness of the arm along the drill axis; 0 for a rigid arm", 0.0, 1e9
+        2e4, "N/m", "stiffness of the arm along the drill axis; 0 for a rigid arm", 0.0, 1e7
     )
     arm_damping: float = number(
         200.0, "N s/m", "viscous friction of the mount in its guide", 1e-3, 1e6
