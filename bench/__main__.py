@@ -1,4 +1,4 @@
-"""Run measurements and print each row beside its goal; ``--page`` writes the table into the page.
+"""Run measurements and print each row beside its goal; ``--page`` writes those with a goal.
 
 A measurement is a module here with a function of the same name, which yields rows.
 """
@@ -42,7 +42,7 @@ def main() -> int:
     names = ", ".join((*MEASUREMENTS, *LONG))
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {names}")
     parser.add_argument("--seconds", type=float, metavar="S", help="how long to listen to a node")
-    parser.add_argument("--page", action="store_true", help="write the table into the page")
+    parser.add_argument("--page", action="store_true", help="write rows with a goal into the page")
     arguments = parser.parse_args()
     if unknown := {*arguments.names} - {*MEASUREMENTS, *LONG}:
         parser.error(f"nothing is called {', '.join(sorted(unknown))}; there is {names}")
@@ -57,6 +57,7 @@ def main() -> int:
     print(text)
     if arguments.page:
         page = PAGE.read_text(encoding="utf-8")
+        text = "\n".join([*table(row for row in rows if row.goal), "", machine()])
         PAGE.write_text(_MARKED.sub(rf"\1\n{text}\n\n\2", page), encoding="utf-8")
     if failed:
         print(f"failed: {', '.join(failed)}")

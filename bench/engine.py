@@ -75,7 +75,7 @@ def _beside_c(regime: str, parameters: Parameters, program: Path) -> Iterator[Ro
     yield row(f"{name}: events on one core", [run.events / run.used for run in ours], "1/s")
     # The engine keeps the whole trajectory, the C program statistics only.
     ratios = [used / run.used for run, used in zip(ours, in_c, strict=True)]
-    yield row(f"{name}: speed over that of C", ratios, least=1.0)
+    yield row(f"{name}: speed over C", ratios, least=1.0)
     yield row(f"{name}: impacts that agree within 0.1 us, C", agree)
     settings = Settings(with_defaults(parameters))
     phases = initial_phases(_MEMBERS, 1)

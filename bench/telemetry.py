@@ -78,7 +78,7 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
             for bare, quantiles in late.items():
                 # Like with like.
                 goals = {"most": 1.1} if key == "p99.9" and bare == _OF_ITS_PRIORITY else {}
-                over = f"{what}: lateness of blocks over that of {bare}, {key}"
+                over = f"{what}: lateness of blocks over {bare}, {key}"
                 yield row(over, ours / quantiles[key], **goals)
             delay = 1e3 * impacts.quantile(quantile)
             yield row(f"{what}: an impact, stamp to arrival, {key}", delay, "ms")
