@@ -162,16 +162,19 @@ def new_output(arguments: argparse.Namespace, fields: Fields) -> Iterator[None]:
     marks = ("metadata.yaml", "export.json")
     if out.is_dir() and not any((out / mark).is_file() for mark in marks):
         raise ExpectedError(f"{out} is not a folder of rpud; --force does not replace it")
-    former = out.rename(out.with_name(f"{out.name}.replaced"))
+    aside = out.with_name(f"{out.name}.replaced")
+    if os.path.lexists(aside):  # of a command that was killed, or of the user
+        raise ExpectedError(f"{aside} exists already; move it away before you use --force")
+    previous = out.rename(aside)
     try:
         yield
     finally:
         if not os.path.lexists(out):
-            former.rename(out)
-        elif former.is_dir() and not former.is_symlink():
-            shutil.rmtree(former)
+            previous.rename(out)
+        elif previous.is_dir() and not previous.is_symlink():
+            shutil.rmtree(previous)
         else:
-            former.unlink()
+            previous.unlink()
 
 
 def _flag(name: str, field: Any) -> str:

@@ -46,7 +46,7 @@ class _Topic:
 
 
 class GrowingRun:
-    """Topics of a run that continues; a copy begins anew."""
+    """Topics of a run that continues; a copy starts empty."""
 
     def __init__(self) -> None:
         self._topics: dict[str, _Topic] = {}
@@ -54,7 +54,7 @@ class GrowingRun:
     def columns(self, topic: str, plan: Plan, end: int) -> Mapping[str, np.ndarray] | None:
         """Return the columns of a topic of the plan's run that ends at a time [ns].
 
-        None if they are not those of the beginning of a longer run, or are no longer known.
+        None if a longer run begins with other messages, or the run is beyond that time.
         """
         if topic in _AT_END:
             return None

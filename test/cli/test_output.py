@@ -85,3 +85,15 @@ def test_force_replaces_a_bag_and_keeps_it_if_the_command_fails(drill_bag, tmp_p
     assert rpud("simulate", "--duration", "0.1", "--bag", bag, "--force")[0] == 0
     assert rpud_sim.bag.open(bag).duration < 0.2e9
     assert list(tmp_path.iterdir()) == [bag]
+
+
+def test_force_overwrites_nothing_that_lies_where_it_puts_the_previous_output(
+    drill_bag, tmp_path, rpud
+):
+    out, aside = tmp_path / "page.html", tmp_path / "page.html.replaced"
+    out.write_text("mine")
+    aside.write_text("also mine")
+    code, _, errors = rpud("report", drill_bag, "--out", out, "--force")
+    assert (code, errors.count("\n")) == (1, 1)
+    assert f"{aside} exists already" in errors
+    assert (out.read_text(), aside.read_text()) == ("mine", "also mine")

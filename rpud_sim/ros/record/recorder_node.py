@@ -236,7 +236,7 @@ class Recorder(Node):
             if found:
                 self._warned = True
                 self.get_logger().warning(
-                    f"log times stay those of this machine, as {found[0]}, which publishes "
+                    f"log times stay in this machine's time, as {found[0]}, which publishes "
                     f"{CLOCK}, came after the first messages: --use-sim-time waits for it"
                 )
         elif found:

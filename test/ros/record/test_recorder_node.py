@@ -169,7 +169,7 @@ def test_a_recorder_of_everything_waits_for_the_clock_of_a_drill(peer, record, m
     peer.create_publisher(Clock, "/clock", RELIABLE)
     until(lambda: (recorder.discover(), recorder._warned)[-1])
     assert not recorder.clock.simulated
-    assert "log times stay those of this machine, as /rpud/peer, which" in capfd.readouterr().err
+    assert "log times stay in this machine's time, as /rpud/peer, which" in capfd.readouterr().err
 
 
 @pytest.mark.extended
