@@ -130,7 +130,7 @@ JAM |= {"active": True, "size": ""}
 @pytest.mark.parametrize(
     ("status", "others", "word", "why"),
     [
-        ({"penetration_rate": 2e-5}, {}, "drilling", r"^1\.2.mm/min$"),
+        ({"penetration_rate": 2e-5}, {}, "drilling", r"^1\.20.mm/min$"),
         ({"penetration_rate": None}, {}, "drilling", "^$"),  # it has no rock
         ({"penetration_rate": 0.0}, {}, "no progress", r"^0.mm/min$"),
         ({"penetration_rate": 0.0}, {"values": {"mount": {"in_contact": False}}}, "no contact", ""),
@@ -157,6 +157,14 @@ def test_the_word_says_what_the_drill_does(store, page, status, others, word, wh
     contact = others.get("values", {}).get("mount", {}).get("in_contact", True)
     text_is(page, "#place", "in the rock" if contact else "not in the rock")
     assert page.tab.is_visible("#section .air") == (not contact)
+
+
+@pytest.mark.parametrize("force", [23.96, 24.0, 24.04])
+def test_measured_values_keep_their_digits(store, page, force):
+    """A value that changes each frame does not jump in width when its last digit is zero."""
+    reacting = {"mean": force, "least": 0.0, "greatest": 40.0, "spark": []}
+    show(store, page, status=RUNNING, numbers={**RATE, "reacting_force": reacting})
+    text_is(page, "#weight-actual", "reacting 24.0\N{NO-BREAK SPACE}N")
 
 
 def test_nothing_moves_when_alarms_come(store, page):

@@ -30,6 +30,6 @@ export function stateOf(seen, lost) {
   if (status.drive_enabled === false) return ["off", "the drive is off", ""];
   if (lacks.length) return ["messages lost", lacks.join(", "), "warning"];
   if (!inContact(seen)) return ["no contact", "the bit is not in the rock", "warning"];
-  if (Number.isFinite(rate) && rate < STILL) return ["no progress", numbers.impact_rate?.mean === 0 ? "no impacts" : valueText("penetration_rate", rate), "warning"];
-  return ["drilling", Number.isFinite(rate) ? valueText("penetration_rate", rate) : "", "good"];
+  if (Number.isFinite(rate) && rate < STILL) return ["no progress", numbers.impact_rate?.mean === 0 ? "no impacts" : valueText("penetration_rate", rate, true, true), "warning"];
+  return ["drilling", Number.isFinite(rate) ? valueText("penetration_rate", rate, true, true) : "", "good"];
 }
