@@ -62,6 +62,8 @@ def storage_files(path: Path) -> BagFiles:
         if path.is_file():
             _check_storage(path)
             return BagFiles((path,))
+        if path.exists() and not path.is_dir():
+            raise BagNotFoundError(f"{path} is neither a folder nor a regular file")
         if not path.is_dir():
             raise BagNotFoundError(f"there is no bag at {path}{name_beside(path)}")
     held = mcap_files(path)

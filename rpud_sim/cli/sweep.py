@@ -88,8 +88,9 @@ def _read(path: str | None) -> list[dict[str, Any]]:
     try:
         with open_file(path) as file:
             frame = pandas.read_csv(file)
-    except ValueError as error:
-        raise ParameterError(f"{path}: {' '.join(str(error).split())}") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ParameterError(f"{path}: {' '.join(str(reason).split())}") from None
     return [
         {str(name): value for name, value in row.items() if not pandas.isna(value)}
         for row in frame.to_dict("records")

@@ -86,10 +86,12 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
     """Return `` (did you mean x?)`` with the nearest known name; empty if none is near.
 
     It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
-    topics begin alike.
+    topics begin alike. A relative name is compared with the last parts of the known ones.
     """
-    close = _close(name, known, 0.8)
-    return f" (did you mean {close[0]}?)" if close else ""
+    relative = "/" not in str(name)
+    found = {each.rpartition("/")[2] if relative else each: each for each in known}
+    close = _close(name, found, 0.8)
+    return f" (did you mean {found[close[0]]}?)" if close else ""
 
 
 _MOST_CLOSE = 3  # names that end with the unknown one

@@ -30,7 +30,8 @@ def named_errors(path: str | os.PathLike[str]) -> Iterator[None]:
 def name_beside(path: str | os.PathLike[str]) -> str:
     """Return `` (did you mean x?)`` with the nearest name in the folder of a missing file."""
     with suppress(OSError):
-        return suggestion(Path(path).name, os.listdir(Path(path).parent))
+        name = Path(path).name
+        return suggestion(name, set(os.listdir(Path(path).parent)) - {name})
     return ""
 
 

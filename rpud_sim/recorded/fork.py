@@ -280,4 +280,4 @@ def _check_instant(recorded: RecordedRun, time: int) -> None:
     if why := recorded.lacks(time):
         raise RecordingError(f"--at = {at:.9g} s: {why}")
     which = f"run {recorded.number} of {recorded.runs} of the bag"
-    raise RecordingError(f"--at = {at:.9g} s is outside {which}: [0, {end:.9g}] s")
+    raise RecordingError(f"--at = {at:.9g} s is outside {which}: [0, {end:.9g}] s", code=2)

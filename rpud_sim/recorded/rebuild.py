@@ -217,7 +217,8 @@ class _Waveform:
         if self.first >= end:
             raise RecordingError(
                 f"--start = {self._start:g} s is not in the {(end - begin) / rate:g} s that the "
-                "bag holds"
+                "bag holds",
+                code=2,
             )
         yield from self._sample(held, end)
 

@@ -25,6 +25,7 @@ def folder(tmp_path_factory):
 
     altered(folder / "drill", folder / "odd", numbered("contact_force", 2, change))
     (folder / "notes.mcap").write_text("no bag at all, and nothing like it")
+    os.mkfifo(folder / "fifo")
     (folder / "taken").mkdir()
     (folder / "begun.part").mkdir()
     for name, expectation in (
@@ -51,15 +52,15 @@ TAKEN = "exists already; --force replaces it"
         (f"{EXPORT} --start nan", 2, "--start = nan s is outside its range [0, 1e+09] s"),
         (f"{EXPORT} --duration 0", 2, "--duration = 0 s is outside its range [1e-09, 1e+09] s"),
         (f"{EXPORT} --format xls", 2, "argument --format: invalid choice: 'xls'"),
-        (f"{EXPORT} --start 1", 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
+        (f"{EXPORT} --start 1", 2, "--start = 1 s is not in the 0.009 s that the bag holds"),
         (f"{EXPORT} --topics /rpud/tlak", 1, "talk holds no topic '/rpud/tlak'; it holds /rpud/ch"),
         (f"{EXPORT} --run 2", 2, "--run goes with --rate"),
         ("export talk --out taken", 1, f"taken {TAKEN}"),
         ("export none --out out", 1, "there is no bag at none"),
         (f"{REBUILD} --rate 0", 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
         (f"{REBUILD} --rate 1.5", 2, "--rate = 1.5 Hz is not a whole number"),
-        (f"{REBUILD} --rate 10 --run 2", 1, "--run = 2 is outside its range [1, 1]: resets begin"),
-        (f"{REBUILD} --rate 10 --start 5", 1, "--start = 5 s is not in the 0."),
+        (f"{REBUILD} --rate 10 --run 2", 2, "--run = 2 is outside its range [1, 1]: resets begin"),
+        (f"{REBUILD} --rate 10 --start 5", 2, "--start = 5 s is not in the 0."),
         (f"{REBUILD} --rate 10 --topics /a", 1, "drill holds no trajectory named /a; "),
         ("recover none --out out", 1, "there is no bag at none"),
         ("recover talk --out taken", 1, f"taken {TAKEN}"),
@@ -78,9 +79,9 @@ TAKEN = "exists already; --force replaces it"
         ("test drill --expect light.yaml --lf", 2, "unrecognized arguments: --lf"),
         ("fork drill --at 0.1", 2, "where to? give --out DIR, or --live"),
         ("fork drill --at nan --out x", 2, "--at = nan s is outside its range"),
-        ("fork drill --at 0.3 --out x", 1, "0.3 s is outside run 1 of 1 of the bag: [0, 0.2] s"),
+        ("fork drill --at 0.3 --out x", 2, "0.3 s is outside run 1 of 1 of the bag: [0, 0.2] s"),
         ("fork drill --at 0.2 --out x", 1, "nothing is left of the recorded run after --at = 0.2"),
-        ("fork drill --at 0.1 --run 2 --out x", 1, "--run = 2 is outside its range [1, 1]"),
+        ("fork drill --at 0.1 --run 2 --out x", 2, "--run = 2 is outside its range [1, 1]"),
         ("fork drill --at 0.1 --set gravty=1 --out x", 2, "did you mean gravity"),
         ("fork drill --at 0.1 --set gravity=-1 --out x", 2, "gravity = -1 m/s^2 is outside"),
         ("fork drill --at 0.1 --inject jammed --out x", 2, "free_mass_jammed"),
@@ -103,6 +104,10 @@ TAKEN = "exists already; --force replaces it"
         ("replay talk --remap /a:=/b /c", 2, "'/c' is not of the form OLD:=NEW"),
         ("replay talk --start 2.5", 2, "--start is 2.5 s; it must be from 0 to 0.009 s"),
         ("export talk --topic /rpud/tlak --out x", 1, "talk (did you mean /rpud/talk?)"),
+        ("export talk --topic tallk --out x", 1, "talk (did you mean /rpud/talk?)"),
+        ("info fifo", 1, "fifo is neither a folder nor a regular file\n"),
+        ("sweep --points fifo", 2, "fifo: is not a regular file\n"),
+        ("sweep --points none.csv", 2, "none.csv: No such file or directory\n"),
         ("info note.mcap", 1, "there is no bag at note.mcap (did you mean notes.mcap?)"),
         ("simulate --config notes.mca --duration 1", 2, "directory (did you mean notes.mcap?)"),
         ("replay talk --topics /rpud/tlak", 1, "/rpud/tlak (did you mean /rpud/talk?); "),
