@@ -73,7 +73,7 @@ class Move(NamedTuple):
     shift_work: float = 0.0  # that moved the place at rest [J]
 
 
-def drift(arm: Arm, load: SpringLoad, position: float, rest: float, interval: float) -> Move:
+def move_freely(arm: Arm, load: SpringLoad, position: float, rest: float, interval: float) -> Move:
     """Return the motion of the mount in an interval [s] in which nothing else moves.
 
     It begins within the arm's reach of ``rest``, where the arm is not deflected; an infinite
@@ -114,7 +114,9 @@ def drift(arm: Arm, load: SpringLoad, position: float, rest: float, interval: fl
     return Move(position, slipped, damper, slip, load.work(start, position))
 
 
-def shift(arm: Arm, load: SpringLoad, position: float, rest: float, new_rest: float) -> Move:
+def move_rest_position(
+    arm: Arm, load: SpringLoad, position: float, rest: float, new_rest: float
+) -> Move:
     """Return the motion of the mount while its place at rest jumps.
 
     A rigid arm carries the mount along; the host slips where that takes more than the anchoring

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from rpud_sim.drilling.inputs import NO_PULSES, Disturbances, Percussion, Pulses
 from rpud_sim.drilling.rock import Layer, RockParameters, Strata, inclusion_in
-from rpud_sim.drilling.rotor import NO_RESISTANCE, Resistance, Turned
+from rpud_sim.drilling.rotor import NO_RESISTANCE, Resistance, RotationStep
 from rpud_sim.foundation.quantities import ParameterError, ParameterGroup, number
 from rpud_sim.model.elementary import arc_tangent, exponential_minus_one
 
@@ -326,7 +326,7 @@ class Borehole:
         self,
         interval: float,
         percussion: Percussion,
-        rotation: Turned,
+        rotation: RotationStep,
         mount_position: float | None,
         disturbances: Disturbances,
     ) -> None:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, drift, shift
+from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, move_freely, move_rest_position
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.foundation.quantities import (
     Choice,
@@ -267,7 +267,7 @@ class Mount:
         self._load = SpringLoad(load_spring_rate, 0.0, 0.0 if self.in_contact else start, 0.0)
         self._slip = 0.0
         if self.in_contact:
-            settled = drift(self._arm, self._load, start, start, math.inf)
+            settled = move_freely(self._arm, self._load, start, start, math.inf)
             self.position, self._slip = settled.position, settled.slipped
         self._rate = 0.0  # of the feed's drive [m/s]
         self._damping = 0.0  # of the load spring [N s/m]
@@ -324,7 +324,7 @@ class Mount:
         push = self.preload - percussion.reacting_force
         position, deflection = self.position, self.position - self._feed
         load = SpringLoad(spring_rate, damping, self._load.origin, push)
-        self._take(drift(self._arm, load, self.position, self._rest, interval), damping)
+        self._take(move_freely(self._arm, load, self.position, self._rest, interval), damping)
         if disturbances.arm_slip_rate:
             slip = self._slip - disturbances.arm_slip_rate * interval
             self._host_work += self._shift(load, self._feed, slip)
@@ -392,7 +392,7 @@ class Mount:
         """Let feed and host jump; return the work that this takes [J]."""
         rest = self._rest
         self._feed, self._slip = feed, slip
-        moved = shift(self._arm, load, self.position, rest, self._rest)
+        moved = move_rest_position(self._arm, load, self.position, rest, self._rest)
         self._take(moved)
         return moved.shift_work
 

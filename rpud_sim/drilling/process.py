@@ -100,7 +100,7 @@ class Process:
         self.next_step = time
         return True
 
-    def stiffen(self, stiffness: float) -> None:
+    def set_spring_stiffness(self, stiffness: float) -> None:
         """Step from the next step on as a load spring needs; its rate over the RPUD's mass."""
         self._parts = parts_of(stiffness)
 

@@ -59,7 +59,7 @@ class RotorState:
     work: RotorWork = RotorWork()  # since time zero
 
 
-class Turned(NamedTuple):
+class RotationStep(NamedTuple):
     """Rotation in one step as the borehole sees it, immutable."""
 
     angle: float = 0.0  # of the step [rad]
@@ -67,7 +67,7 @@ class Turned(NamedTuple):
     resisted: float = 0.0  # work against everything that resists the rotation [J]
 
 
-NOT_TURNED = Turned()
+NOT_TURNED = RotationStep()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Rotor:
         """Power of the stack on the drive [W], negative if slower, and its energy so far [J]."""
         return self._drive_torque * (self._rate + self._drive_torque / self._slope), self._drawn
 
-    def step(self, interval: float, amplitude_ratio: float, resistance: Resistance) -> Turned:
+    def step(self, interval: float, amplitude_ratio: float, resistance: Resistance) -> RotationStep:
         """Turn for one step at an amplitude over nominal; return what the borehole needs of it."""
         cutting, friction, flutes, faults = resistance
         torque = cutting + friction + flutes + faults
@@ -150,7 +150,7 @@ class Rotor:
         self._friction += friction * turned
         self._flutes += flutes * turned
         self._faults += faults * turned
-        return Turned(turned, friction * turned, torque * turned)
+        return RotationStep(turned, friction * turned, torque * turned)
 
     def _drive_torque_at(self, amplitude_ratio: float, rate: float) -> float:
         return self._stall_torque * amplitude_ratio - self._slope * rate

@@ -123,11 +123,11 @@ def line(cursor: Cursor, text: Any = None) -> str:
     return text
 
 
-def as_it_is(cursor: Cursor) -> Any:
+def raw_reader(cursor: Cursor) -> Any:
     """Return the value at a cursor, which something else checks."""
     return cursor.value
 
 
-def here(cursor: Cursor) -> Cursor:
+def cursor_reader(cursor: Cursor) -> Cursor:
     """Return the cursor itself, for what can be read only together with another key."""
     return cursor

@@ -41,7 +41,7 @@ from rpud_sim.model.segment import (
 
 # How an advance ends: at the requested time, with no space for more results, in a standstill, with
 # more events than their budget, or with a motion that is not finite. And that it has not ended yet.
-DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, GOES_ON = range(6)
+DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, RUNNING = range(6)
 
 # Impacts that one event can end.
 IMPACTS_OF_EVENT = 2
@@ -97,7 +97,9 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
         drill, state, closed, opened, collisions.drill_tool_struck, turn
     )
     if state.resonant and state.v_np != alone:
-        resonator.hold(drill, state, alone, drill.rpud_mass * (v_np - alone) + state.given)
+        resonator.apply_hold_impulse(
+            drill, state, alone, drill.rpud_mass * (v_np - alone) + state.given
+        )
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state, turn)
     if state.resonant and state.fine and closed & CONTACT_ACTUATOR & ~state.contact:
@@ -180,7 +182,7 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
 
 @compiled
 def status_before(state, segment, seconds, fraction, is_full):
-    """How an advance to a time ends before the open segment's event; GOES_ON if it does not."""
+    """How an advance to a time ends before the open segment's event; RUNNING if it does not."""
     ahead = float(seconds - state.seconds) + (fraction - state.fraction)
     if segment.duration > ahead:
         return DONE
@@ -190,7 +192,7 @@ def status_before(state, segment, seconds, fraction, is_full):
         return STALLED
     if state.effort > tolerances.GREATEST_EFFORT:
         return OVERLOADED
-    return GOES_ON
+    return RUNNING
 
 
 @compiled
@@ -223,7 +225,7 @@ def advance(
         segment = segments[written]
         is_full = written == last or struck > most
         status = status_before(state, segment, seconds[reached], fractions[reached], is_full)
-        if status == GOES_ON:
+        if status == RUNNING:
             written += 1
             turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
             struck, _ = pass_event(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from rpud_sim.model.closed_form import TWO_PI, vibration_of
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import collide, common_velocity
-from rpud_sim.model.resonator import blow, tip_mass
+from rpud_sim.model.resonator import apply_impact, tip_mass
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_BOTH, CONTACT_DRILL_TOOL
 from rpud_sim.model.tolerances import (
     LOWEST_BOUNCE,
@@ -113,7 +113,7 @@ def exchange_momentum(drill, state, closed, turn):
     if closed & CONTACT_DRILL_TOOL and state.v_fm > state.v_dt:
         state.v_fm = state.v_dt = pair_velocity(drill, state)
     if actuator_struck and state.resonant:
-        blow(drill, state, given)
+        apply_impact(drill, state, given)
     elif actuator_struck:
         state.v_np = v_ut - v_hv  # eq. (7)
     return Collisions(

@@ -92,7 +92,7 @@ def tip_mass(drill, state):
 
 
 @compiled
-def course(state):
+def rate_and_target(state):
     """Complex rate [1/s] at which the envelope approaches its end, and that end [V]."""
     detuning = TWO_PI * (state.drive_frequency - state.resonance_frequency) * state.decay_time
     factor = complex(1.0, detuning)
@@ -104,7 +104,7 @@ def course(state):
 def envelope_after(state, time):
     """Envelope without further contacts [V], and energies drawn and turned to heat so far [J]."""
     elapsed = state.envelope_age + time
-    rate, end = course(state)
+    rate, end = rate_and_target(state)
     away = complex(state.envelope_real, state.envelope_imag) - end
     area = away * exponential_integral(-rate, elapsed)
     decay = 2.0 / state.decay_time
@@ -123,7 +123,7 @@ def set_envelope(state, envelope):
 
 
 @compiled
-def bring_envelope(state):
+def advance_envelope(state):
     envelope, drawn, heat = envelope_after(state, 0.0)
     state.drawn += drawn
     state.heat += heat
@@ -139,14 +139,14 @@ def replace_envelope(state, before, after):
 
 
 @compiled
-def load(state, impulse, work):
+def apply_work(state, impulse, work):
     """Let the bodies load the envelope, by work on them [J] and by an impulse.
 
     The impulse is the integral of the force on the free mass, turned by the drive's phase [N s].
     """
     if not state.amplitude_per_volt > 0.0:
         return  # nothing moves the vibration
-    before = bring_envelope(state)
+    before = advance_envelope(state)
     omega = TWO_PI * state.resonance_frequency
     share = 1.0 / (state.modal_mass * omega * state.amplitude_per_volt)
     replace_envelope(state, before, before - share * impulse)
@@ -165,7 +165,7 @@ def drive_turn(state):
 
 
 @compiled
-def blow(drill, state, impulse):
+def apply_impact(drill, state, impulse):
     """Let the tip strike: nodal plane and vibration give the impulse [N s] to what is struck.
 
     The tip stays where it is; amplitude and phase of the vibration follow from its velocity.
@@ -174,7 +174,7 @@ def blow(drill, state, impulse):
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     after = v_hv - impulse * per_mass(state)
     state.v_np -= impulse / drill.rpud_mass
-    load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
+    apply_work(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
     if after != v_hv:
         phase = arc_tangent(u_hv, after / omega) / TWO_PI
         state.amplitude = hypotenuse(u_hv, after / omega)
@@ -182,7 +182,7 @@ def blow(drill, state, impulse):
 
 
 @compiled
-def hold(drill, state, v_np, blow_impulse):
+def apply_hold_impulse(drill, state, v_np, blow_impulse):
     """Take the impulse of bodies that were given one velocity, joining that of the blow [N s].
 
     The vibration keeps its velocity.
@@ -190,7 +190,7 @@ def hold(drill, state, v_np, blow_impulse):
     impulse = drill.rpud_mass * (v_np - state.v_np)
     _, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     mean = v_hv + per_mass(state) * (blow_impulse + 0.5 * impulse)
-    load(state, impulse * drive_turn(state), impulse * mean)
+    apply_work(state, impulse * drive_turn(state), impulse * mean)
 
 
 @compiled
@@ -215,7 +215,7 @@ def is_fine(state, factor):
 def update_interval(state, frequency):
     """Time from one update to the next [s]: half cycles, fewer where the envelope is small."""
     envelope = complex(state.envelope_real, state.envelope_imag)
-    _, end = course(state)
+    _, end = rate_and_target(state)
     away = complex_size(end - envelope)
     size = min(complex_size(envelope) / away, 1.0) if away > 0.0 else 1.0
     half_cycles = math.ceil(2.0 * frequency * state.decay_time * size / UPDATES_PER_DECAY)
@@ -240,7 +240,7 @@ def plan(state):
     envelope = complex(state.envelope_real, state.envelope_imag)
     if envelope != 0.0:
         # The rate at which the envelope turns, between drive and resonance.
-        rate, end = course(state)
+        rate, end = rate_and_target(state)
         frequency += complex_quotient(rate * (end - envelope), envelope).imag / TWO_PI
         low = min(state.drive_frequency, state.resonance_frequency)
         frequency = min(
@@ -280,7 +280,7 @@ def change_drive(state, voltage, drive_frequency, resonance_frequency):
         and resonance_frequency == state.resonance_frequency
     ):
         return
-    bring_envelope(state)
+    advance_envelope(state)
     state.voltage = voltage
     state.drive_frequency = drive_frequency
     state.resonance_frequency = resonance_frequency
@@ -294,7 +294,7 @@ def change_drive(state, voltage, drive_frequency, resonance_frequency):
 @compiled
 def update(state):
     """Give the bodies the envelope's amplitude, at a zero of the vibration."""
-    before = bring_envelope(state)
+    before = advance_envelope(state)
     state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
     energy = stored_energy(state, before)
     left = energy - state.pending
@@ -306,7 +306,7 @@ def update(state):
         size = math.sqrt(4.0 * state.resistance * left / state.decay_time)
         envelope = (size if state.phase == 0.0 else -size) * drive_turn(state)
     replace_envelope(state, before, envelope)
-    _, end = course(state)
+    _, end = rate_and_target(state)
     away = complex_size(envelope - end)
     tip_away = state.amplitude_per_volt * away
     near = away <= STEADY * complex_size(end) or 0.0 < tip_away <= LOWEST_BOUNCE

@@ -214,10 +214,10 @@ def first_root(segment, end, limit):
         longest = 0.0
         if envelope > 0.0:
             longest = steps.safe_step(envelope, guard.slow_slope, -bounds.slow_second)
-        step = steps.bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
-        step = steps.going_on(step, slope, longest)
+        step = steps.step_with_curvature(value, slope, guard.curvature, bounds.second, bounds.third)
+        step = steps.at_least(step, slope, longest)
         time, outcome = steps.after_step(time, step, steps.is_root(value, slope, step), limit)
-        if outcome != steps.GOES_ON:
+        if outcome != steps.RUNNING:
             return time, outcome == steps.MET, number + 1
     return time, False, tolerances.LONGEST_SEARCH
 

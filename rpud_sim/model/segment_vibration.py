@@ -13,7 +13,7 @@ from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos_cycles
 from rpud_sim.model.integrals import held_motion, vibration_work
 from rpud_sim.model.resonator import (
     ResonatorEnergy,
-    bring_envelope,
+    advance_envelope,
     envelope_after,
     is_fine,
     move_resonance,
@@ -156,7 +156,7 @@ def end_vibration(drill, state, segment, time, turns):
         # What the free mass changes of the vibration loads the envelope as a blow does.
         alone = alone_after(state, time)
         move_resonance(state, time)
-        before = bring_envelope(state)
+        before = advance_envelope(state)
         change = envelope_of(state, amplitude, phase, state.drive_phase) - alone
         replace_envelope(state, before, before + change)
         state.work += work
@@ -220,7 +220,7 @@ def draw_back(state, impulse_given):
     work = impulse_given * (after - v_hv)
     drawn = impulse * 0.5 * (v_hv + after) + work
     state.work += work
-    before = bring_envelope(state)
+    before = advance_envelope(state)
     envelope = envelope_of(state, state.amplitude, state.phase, state.drive_phase)
     replace_envelope(state, before, envelope)
     state.drawn += drawn

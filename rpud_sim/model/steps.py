@@ -74,7 +74,7 @@ def ends_at_root(value, slope, step, least_bend, most_bend):
 
 
 @compiled
-def bent_step(value, slope, curvature, second, third):
+def step_with_curvature(value, slope, curvature, second, third):
     """Return the ``Step`` that follows from bounds on the second and third derivative."""
     reach = safe_step(value, slope, curvature)
     if reach == math.inf:
@@ -102,7 +102,7 @@ def is_above(value, slope, second, allowance):
 
 
 @compiled
-def going_on(step, slope, least):
+def at_least(step, slope, least):
     """Return a ``Step`` that is at least as long as others, which lead to no root [s]."""
     if slope >= 0.0:
         least = max(least, _LEAST_STEP)
@@ -116,7 +116,7 @@ def is_root(value, slope, step):
 
 
 # How a search is after a step: it continues, the guard is zero, or it is positive up to the limit.
-GOES_ON, MET, CLEAR = 0, 1, 2
+RUNNING, MET, CLEAR = 0, 1, 2
 
 
 @compiled
@@ -127,4 +127,4 @@ def after_step(time, step, is_root, limit):
     time += step.time
     if not time < limit:
         return limit, CLEAR
-    return time, MET if step.ends else GOES_ON
+    return time, MET if step.ends else RUNNING

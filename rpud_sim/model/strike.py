@@ -161,7 +161,7 @@ def first_strike(segment, limit, turn):
             value += allowance
             cycles = segment.vibration_phase + frequency * time
             step = _vibrating_step(value, slope, turn.sine, cycles, period, peak, slow_second)
-            step = steps.going_on(step, slope, 0.0)
+            step = steps.at_least(step, slope, 0.0)
             met = steps.is_root(value, slope, step)
             # Beyond the vibration's reach already, and up to the limit.
             ahead = envelope + step.time * (slow_slope - 0.5 * slow_second * step.time)
@@ -169,7 +169,7 @@ def first_strike(segment, limit, turn):
             if not met and steps.is_clear(ahead, slower, slow_second, left - step.time):
                 return limit, False, number + 1
         time, outcome = steps.after_step(time, step, met, limit)
-        if outcome != steps.GOES_ON:
+        if outcome != steps.RUNNING:
             return time, outcome == steps.MET, number + 1
         if in_flight and step.time < short:
             displacement, velocity = soon_after(square, damping, displacement, velocity, step.time)
@@ -210,9 +210,11 @@ def first_landing(segment, limit):
             allowance = 0.0
         value += allowance
         third = max(rate * second * decay, steps.LEAST_BOUND)
-        step = steps.going_on(steps.bent_step(value, slope, curvature, most, third), slope, 0.0)
+        step = steps.at_least(
+            steps.step_with_curvature(value, slope, curvature, most, third), slope, 0.0
+        )
         time, outcome = steps.after_step(time, step, steps.is_root(value, slope, step), limit)
-        if outcome != steps.GOES_ON:
+        if outcome != steps.RUNNING:
             return time, outcome == steps.MET, number + 1
         # Its fall takes the free mass no further than it is at either end.
         if tool.offset - amplitude * decay > max(u_fm, last):

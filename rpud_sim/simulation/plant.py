@@ -175,7 +175,7 @@ class Plant:
         self.actuator.lock(not effects.lock_lost)
         self._effects = effects
         if self.process.mount is not None:
-            self.process.stiffen(self._stiffness)
+            self.process.set_spring_stiffness(self._stiffness)
         self._drill = self._derived()
 
     def drain(self) -> tuple[np.ndarray, np.ndarray]:

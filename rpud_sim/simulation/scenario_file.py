@@ -12,7 +12,7 @@ import numpy as np
 
 from rpud_sim.foundation.options import SEED
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, shown
-from rpud_sim.foundation.schema import as_it_is, here, key, list_of, one_of, read
+from rpud_sim.foundation.schema import cursor_reader, key, list_of, one_of, raw_reader, read
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, in_order
@@ -32,7 +32,7 @@ _Bounds = tuple[float, float]  # least and most, which are equal if nothing is d
 class _Uniform:
     """Mapping instead of a number that is drawn."""
 
-    bounds: tuple[Cursor, Cursor] = key(list_of(here, 2, 2), name="uniform")
+    bounds: tuple[Cursor, Cursor] = key(list_of(cursor_reader, 2, 2), name="uniform")
 
 
 def _bounds(quantity: Quantity) -> Callable[[Cursor], _Bounds]:
@@ -54,11 +54,13 @@ def _bounds(quantity: Quantity) -> Callable[[Cursor], _Bounds]:
 class _FaultEntry:
     """Fault of a scenario file."""
 
-    kind: str = key(as_it_is)
+    kind: str = key(raw_reader)
     onset: _Bounds = key(_bounds(ONSET))
-    channel: str = key(as_it_is, "")
+    channel: str = key(raw_reader, "")
     duration: _Bounds | None = key(_bounds(DURATION), None)
-    magnitude: Cursor | None = key(here, None)  # its unit and range belong to kind and channel
+    magnitude: Cursor | None = key(
+        cursor_reader, None
+    )  # its unit and range belong to kind and channel
 
     def drawn(self, number: int, seed: int) -> tuple[int, Inject]:
         """Return onset [ns] and fault with values drawn, by its number in the file, from 1 on."""
@@ -81,20 +83,20 @@ class _FaultEntry:
 
 
 def _drive(cursor: Cursor) -> DriveChange:
-    keys = {"enabled": Flag(""), "voltage": as_it_is, "frequency": as_it_is}
+    keys = {"enabled": Flag(""), "voltage": raw_reader, "frequency": raw_reader}
     change = DriveChange(**{"enabled": True, **read(cursor, keys)})
     change.on(Drive(True, 1.0, 1e4))  # checks the numbers
     return change
 
 
 def _feed(cursor: Cursor) -> Feed:
-    return Feed(*one_of({"rate": as_it_is, "position": as_it_is})(cursor))
+    return Feed(*one_of({"rate": raw_reader, "position": raw_reader})(cursor))
 
 
 @dataclasses.dataclass(frozen=True)
 class _MountEntry:
-    position: float = key(as_it_is)
-    velocity: float = key(as_it_is, 0.0)
+    position: float = key(raw_reader)
+    velocity: float = key(raw_reader, 0.0)
 
 
 def _mount(cursor: Cursor) -> MountMotion:
@@ -132,13 +134,13 @@ def parse_commands(listed: Cursor) -> tuple[Change, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class _ScenarioFile:
-    faults: tuple[Cursor, ...] = key(list_of(here))
+    faults: tuple[Cursor, ...] = key(list_of(cursor_reader))
     seed: int = key(SEED, 0)
 
 
 @dataclasses.dataclass(frozen=True)
 class _CommandFile(_ScenarioFile):
-    faults: tuple[Cursor, ...] = key(list_of(here), ())
+    faults: tuple[Cursor, ...] = key(list_of(cursor_reader), ())
     commands: tuple[Change, ...] | None = key(parse_commands, None)
 
 

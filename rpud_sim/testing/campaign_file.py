@@ -22,7 +22,7 @@ from rpud_sim.foundation.quantities import (
     shown,
     suggestion,
 )
-from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, name_in, named, read
+from rpud_sim.foundation.schema import Reader, key, line, list_of, name_in, named, raw_reader, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
@@ -65,7 +65,7 @@ class CampaignSystem:
     answers: tuple[str, ...] = key(list_of(_answer, 1, unique=True))
     command: str = key(line, "")  # that starts it; empty with a launch file
     launch: str = key(line, "")  # file that starts it
-    arguments: Mapping[str, Any] = key(named(as_it_is), {})  # of the launch file
+    arguments: Mapping[str, Any] = key(named(raw_reader), {})  # of the launch file
     folder: str = key(line, "")  # in which it starts, from that of the campaign
     # topics of the drill that it subscribes to
     subscribes_to: tuple[str, ...] = key(_TOPICS_OF_DRILL, ())
@@ -162,9 +162,9 @@ def _expectations(cursor: Cursor) -> tuple[Expectation, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class _Scenario:
-    faults: Any = key(as_it_is, None)
+    faults: Any = key(raw_reader, None)
     duration: float | None = key(_DURATION, None)
-    parameters: Mapping[str, Any] = key(_options(as_it_is), {})
+    parameters: Mapping[str, Any] = key(_options(raw_reader), {})
 
 
 def _scenario(cursor: Cursor) -> _Scenario:
@@ -180,8 +180,10 @@ class _CampaignFile:
     expectations: tuple[Expectation, ...] = key(_expectations)
     name: str = key(line, "")
     requirements: Mapping[str, str] = key(named(line), {})
-    drill: Mapping[str, Any] = key(_options(as_it_is), {})
-    parameters: Mapping[str, tuple[Any, ...]] = key(_options(list_of(as_it_is, 1, unique=True)), {})
+    drill: Mapping[str, Any] = key(_options(raw_reader), {})
+    parameters: Mapping[str, tuple[Any, ...]] = key(
+        _options(list_of(raw_reader, 1, unique=True)), {}
+    )
     seeds: tuple[int, ...] = key(list_of(PARAMETERS["seed"].allowed, 1, unique=True), (0,))
 
 

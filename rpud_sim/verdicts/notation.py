@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import rpud_sim.verdicts.formulas as f
 from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
-from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, read
+from rpud_sim.foundation.schema import Reader, key, line, list_of, raw_reader, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
@@ -198,13 +198,13 @@ def _between(cursor: Cursor) -> Any:
 
 
 _READERS: Mapping[str, Reader] = {  # of the fields that are not formulas
-    "fault": as_it_is,
+    "fault": raw_reader,
     "formulas": list_of(to_formula),
     "number": _number,
     "share": Quantity("", "", 0.0, 1.0, exclusive=True),
     "signal": lambda cursor: signal(cursor.value),
     "topic": line,
-    "within": as_it_is,
+    "within": raw_reader,
     "between": _between,
 }
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from support import examples
 
-from rpud_sim.drilling.arm import Arm, SpringLoad, arm_force, drift, shift
+from rpud_sim.drilling.arm import Arm, SpringLoad, arm_force, move_freely, move_rest_position
 
 INTERVAL = 1e-3
 arms = st.builds(
@@ -37,13 +37,13 @@ def small(*energies):
 @settings(max_examples=examples(150), deadline=None)
 def test_a_drift_closes_its_account_and_has_two_parts(arm, load, rest, share, cut):
     start = rest + share * arm.reach
-    moved = drift(arm, load, start, rest, INTERVAL)
+    moved = move_freely(arm, load, start, rest, INTERVAL)
     before = arm.stored(start - rest)
     given_up = before - arm.stored(moved.position - rest - moved.slipped)
     terms = (moved.damper, moved.slip, moved.work)
     assert given_up == pytest.approx(math.fsum(terms), abs=small(*terms, before))
-    first = drift(arm, load, start, rest, cut * INTERVAL)
-    second = drift(arm, load, first.position, rest + first.slipped, (1.0 - cut) * INTERVAL)
+    first = move_freely(arm, load, start, rest, cut * INTERVAL)
+    second = move_freely(arm, load, first.position, rest + first.slipped, (1.0 - cut) * INTERVAL)
     size = max(abs(start), abs(moved.position), abs(rest), 1e-6)
     assert second.position == pytest.approx(moved.position, abs=1e-9 * size)
 
@@ -52,7 +52,7 @@ def test_a_drift_closes_its_account_and_has_two_parts(arm, load, rest, share, cu
 @settings(max_examples=examples(150), deadline=None)
 def test_work_of_the_feed_is_stored_lost_or_works_on_the_drill(arm, load, rest, share, way):
     start = rest + share * arm.reach
-    moved = shift(arm, load, start, rest, rest + way)
+    moved = move_rest_position(arm, load, start, rest, rest + way)
     deflection = moved.position - (rest + way + moved.slipped)
     stored = arm.stored(deflection) - arm.stored(start - rest)
     terms = (stored, moved.slip, moved.work)
@@ -75,13 +75,13 @@ def test_the_motion_is_that_of_a_numerical_integration(stiffness, play, anchorin
         return [(-elastic - load.force(state[0])) / (arm.damping + damping)]
 
     found = solve_ivp(rate, (0.0, 0.02), [start], rtol=1e-10, atol=1e-13, max_step=1e-4)
-    moved = drift(arm, load, start, rest, 0.02)
+    moved = move_freely(arm, load, start, rest, 0.02)
     assert moved.position == pytest.approx(found.y[0, -1], abs=1e-9)
 
 
 def test_a_rigid_arm_carries_the_mount_until_its_host_slips():
     arm, load = Arm(0.0, 100.0, 0.0, 10.0), SpringLoad(2000.0, 0.0, 0.0, 0.0)
-    moved = shift(arm, load, 0.004, 0.004, 0.006)
+    moved = move_rest_position(arm, load, 0.004, 0.004, 0.006)
     # 10 N on 2000 N/m
     assert (moved.position, moved.slipped, moved.slip) == pytest.approx((0.005, -0.001, 0.01))
     assert arm_force(arm, load, moved.position, 0.006 + moved.slipped) == pytest.approx(10.0)

@@ -148,7 +148,7 @@ def test_a_blow_moves_no_tip_and_takes_its_work_from_the_vibration(phase, impuls
     mass = TAU / (2.0 * RESISTANCE * (SCALE * 2.0 * math.pi * 16000.0) ** 2)
     u, v = vibration_of(state["amplitude"], state["frequency"], turn_at(state["phase"]))
     before = balance(state)[1] - state["work"] + state["pending"]
-    resonator.blow(drill, state, impulse)
+    resonator.apply_impact(drill, state, impulse)
     u_after, v_after = vibration_of(state["amplitude"], state["frequency"], turn_at(state["phase"]))
     assert u_after == pytest.approx(u, abs=1e-18)
     assert state["v_np"] == pytest.approx(0.3 - impulse / drill.rpud_mass, abs=1e-15)
