@@ -167,7 +167,7 @@ def _fork(options: Any) -> int:
     if options.live and options.json:
         raise ParameterError("--json goes with a bag, not with --live")
     if not (options.live or options.out):
-        raise ParameterError("where to? give --out DIR, or --live")
+        raise ParameterError("no destination: use --out DIR or --live")
     if not options.live and (options.namespace or options.quiet):
         raise ParameterError("--namespace and --quiet go with --live")
     changes = _changes(options)

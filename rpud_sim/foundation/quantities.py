@@ -106,7 +106,7 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
     if not close and len(known) > _MOST_NAMES:
         near = difflib.get_close_matches(f"{name!s:.80}", known, n=3, cutoff=0.0)
         return f"the nearest of {len(known)} are {', '.join(near)}"
-    return f"did you mean {listed(close)}?" if close else f"known are {', '.join(known)}"
+    return f"did you mean {listed(close)}?" if close else f"valid ones are {', '.join(known)}"
 
 
 def _close(name: Any, known: Iterable[str], cutoff: float) -> list[str]:

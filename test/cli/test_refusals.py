@@ -77,7 +77,7 @@ TAKEN = "exists already; --force replaces it"
         ("test odd --expect energy.yaml", 1, "contact_force: sequence: a number is too large"),
         ("test drill", 2, "a bag needs --expect FILE; see rpud test --help"),
         ("test drill --expect light.yaml --lf", 2, "unrecognized arguments: --lf"),
-        ("fork drill --at 0.1", 2, "where to? give --out DIR, or --live"),
+        ("fork drill --at 0.1", 2, "no destination: use --out DIR or --live"),
         ("fork drill --at nan --out x", 2, "--at = nan s is outside its range"),
         ("fork drill --at 0.3 --out x", 2, "0.3 s is outside run 1 of 1 of the bag: [0, 0.2] s"),
         ("fork drill --at 0.2 --out x", 1, "nothing is left of the recorded run after --at = 0.2"),

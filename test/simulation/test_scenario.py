@@ -114,7 +114,7 @@ def test_a_mistake_in_the_file_is_one_line_that_finds_it(file, text, complaint):
 @pytest.mark.parametrize(
     ("key", "value", "complaint"),
     [
-        ("until", 3, "'until' is not a key here; known are kind,"),
+        ("until", 3, "'until' is not a key here; valid ones are kind,"),
         ("onset", {"normal": [1, 2]}, "onset: 'normal' is not a key here; did you mean uniform?"),
         ("onset", {"uniform": [3, 1]}, "onset = {'uniform': [3, 1]} has its least above its most"),
     ],

@@ -42,7 +42,7 @@ export class MotionClock {
     listener(true);
   }
 
-  /** Show a block after the present one; the newest replaces one that waits. @param {Section} section */
+  /** Show a block after the current one; the newest replaces one that waits. @param {Section} section */
   set(section) {
     const last = this.next ?? this.block;
     if (!section.free_mass.length) return;
