@@ -176,6 +176,13 @@ def test_nothing_moves_when_alarms_come(store, page):
     assert page.tab.locator("#numbers").bounding_box() == place
 
 
+def test_an_alarm_has_its_whole_name_in_a_narrow_window(store, page):
+    page.tab.set_viewport_size({"width": 840, "height": 640})
+    show(store, page, status=RUNNING, numbers=RATE, faults=[JAM])
+    name = page.tab.locator("#alarms li > :first-child")
+    assert name.evaluate("(each) => each.scrollWidth <= each.clientWidth")
+
+
 PLOT = {
     "id": "peak_force",
     "title": "peak force",
