@@ -20,6 +20,12 @@ _DOMAIN = "ROS_DOMAIN_ID"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _RANGES = ("OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+# Any other value makes ROS print an error of five lines instead of each line of its log.
+_FLAGS = (
+    "RCUTILS_LOGGING_USE_STDOUT",
+    "RCUTILS_LOGGING_BUFFERED_STREAM",
+    "RCUTILS_COLORIZED_OUTPUT",
+)
 
 
 class StartError(ExpectedError, RuntimeError):
@@ -73,6 +79,9 @@ def check_before_start(environment: Mapping[str, str], domain_id: int | None = N
         )
     if (reach := environment.get(_RANGE, "")) and reach not in _RANGES:
         raise StartError(f"{_RANGE} is {reach:.80}; it is one of {listed(_RANGES)}")
+    for flag in _FLAGS:
+        if (value := environment.get(flag, "")) not in ("", "0", "1"):
+            raise StartError(f"{flag} is {value:.80}; it is 0 or 1")
     # Fast DDS would continue without a profile, on every interface.
     if (profiles := environment.get(_PROFILES)) and not Path(profiles).is_file():
         raise StartError(f"{_PROFILES} is {profiles}, and there is no such file: unset it")

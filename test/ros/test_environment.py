@@ -75,6 +75,8 @@ def test_the_rclpy_of_an_installed_ros_is_loaded(tmp_path):
         ("ROS_DOMAIN_ID", "two"),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", "local"),
         ("FASTRTPS_DEFAULT_PROFILES_FILE", "/nowhere/mine.xml"),
+        ("RCUTILS_LOGGING_USE_STDOUT", "true"),
+        ("RCUTILS_COLORIZED_OUTPUT", "always"),
     ],
 )
 def test_a_variable_that_ros_must_not_start_with_is_named(name, value):
