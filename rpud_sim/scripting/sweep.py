@@ -6,10 +6,13 @@ import itertools
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
+from multiprocessing.context import ForkServerContext, ForkServerProcess
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rpud_sim.foundation.extras import import_extra
@@ -154,11 +157,27 @@ def _reason(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+class _Worker(ForkServerProcess):
+    """Process that does not import the caller's script, which would run the sweep once more."""
+
+    def start(self) -> None:
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")  # what multiprocessing would import
+        try:
+            super().start()
+        finally:
+            sys.modules["__main__"] = script
+
+
+class _Workers(ForkServerContext):
+    Process = _Worker
+
+
 @contextmanager
 def _pool(runs: Sequence[DrillRun]) -> Iterator[ProcessPoolExecutor]:
     """Context with a process for each core; they end with this one."""
     compile_kernels(runs[0].plan.beginning.settings.configuration)  # once, or each would do it
-    context = multiprocessing.get_context("forkserver")  # a fork would copy locks of threads
+    context = _Workers()  # a fork would copy locks of threads
     context.set_forkserver_preload([__name__])
     cores = min(len(os.sched_getaffinity(0)), len(runs))
     pool = ProcessPoolExecutor(cores, context, _begin_worker)

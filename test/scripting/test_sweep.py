@@ -130,11 +130,11 @@ def test_what_cannot_be_used_is_one_line_before_anything_runs(points, words, tex
     assert "\n" not in str(error.value)
 
 
+# The workers do not run it again, although it has no guard.
 KILLED = """
 import os, rpud_sim
-if __name__ == "__main__":
-    print(os.getpid(), flush=True)
-    rpud_sim.sweep({"weight_on_bit": range(5, 10)}, 3000.0)
+print(os.getpid(), flush=True)
+rpud_sim.sweep({"weight_on_bit": range(5, 10)}, 3000.0)
 """
 
 
