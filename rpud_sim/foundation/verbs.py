@@ -29,6 +29,20 @@ def verb(method: _Method) -> _Method:
     return method
 
 
+class DeclaredAttributes:
+    """Objects whose public attributes are those that their class annotates.
+
+    ``drill.weight_on_bit = 30`` and ``drill.press = 30`` would do nothing: an AttributeError.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        kind = type(self)
+        known = any(name in getattr(each, "__annotations__", ()) for each in kind.__mro__)
+        if not (name.startswith("_") or known):
+            raise AttributeError(f"{name} of a {kind.__name__} cannot be set")
+        super().__setattr__(name, value)
+
+
 def finite_number(text: str) -> float:
     """Return a finite number, whose range the drill checks; a type for argparse."""
     try:

@@ -23,13 +23,11 @@ from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.received import DEPTH, ReceivedTopic
 from rpud_sim.ros.waiting import WaitSet
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
-from rpud_sim.testing.errors import is_verdict
 
 _STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")  # types of a first field with a time
 _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}  # by the byte order of the payload
 _STAMP_AT = 4  # bytes from the beginning of a payload
 _LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s]
-__tracebackhide__ = is_verdict
 
 
 class StoredTopic(ReceivedTopic):

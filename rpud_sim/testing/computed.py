@@ -22,9 +22,8 @@ from rpud_sim.simulation.plan import JournalEntry, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
 from rpud_sim.testing.collector import StoredTopic
-from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
+from rpud_sim.testing.errors import DrillError, LostMessagesError
 
-__tracebackhide__ = is_verdict
 _PADDING = 3  # that the middleware may add to a message [bytes]
 # Fields of a status that the journal does not determine.
 _OWN = {*vars(CommandCounts()), "commands_lost", "state", "journal_entries"}

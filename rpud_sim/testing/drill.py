@@ -11,13 +11,14 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 from rpud_sim.foundation.options import NO_SEED
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown_name
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.verbs import DeclaredAttributes
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.attempt_records import DrillRecord, heard_of
 from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.disturbances import Disturbances, DisturbedStep
-from rpud_sim.testing.errors import LostMessagesError, is_verdict, subscribed
+from rpud_sim.testing.errors import LostMessagesError, subscribed
 from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
 from rpud_sim.testing.lockstep import Lockstep, described
 from rpud_sim.testing.processes import NO_FAULTS, DrillProcess
@@ -37,7 +38,6 @@ _COUNT = Quantity("", "a number of messages", 1, 1e6, whole=True)
 
 _Words = ParamSpec("_Words")
 _Value = TypeVar("_Value")
-__tracebackhide__ = is_verdict
 
 
 def _noted(
@@ -55,7 +55,7 @@ def _noted(
     return act
 
 
-class LockstepDrill(Lockstep):
+class LockstepDrill(DeclaredAttributes, Lockstep):
     """Drill in lockstep: simulation time advances only in steps.
 
     A step is over when every declared answer of the nodes under test is here, and the drill has all
@@ -64,16 +64,20 @@ class LockstepDrill(Lockstep):
     Commands start in ``folder``; None is the working directory.
     """
 
+    observed: bool  # whether the test has looked at anything of the drill
+    folder: Path | None  # of the test; its commands start there, and relative paths begin there
+    key: tuple[str, ...]  # of its pool: drills with equal keys replace each other
+    log: list[tuple[float, str]]  # commands of the test: simulation time [s] and text
+
     def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
         super().__init__(process)
         self._verdicts = LiveVerdicts(self._collector.node.get_namespace(), self._heard)
         self._refusals = Refusals(self._client)
-        self.observed = False  # whether the test has looked at anything of the drill
-        # of the test; its commands start there, and relative paths begin there
+        self.observed = False
         self.folder = folder
-        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys replace each other
-        self.seed = NO_SEED  # of the drill
-        self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
+        self.key = ()
+        self._seed = NO_SEED
+        self.log = []
 
     @property
     def environment(self) -> dict[str, str]:
@@ -108,6 +112,11 @@ class LockstepDrill(Lockstep):
     def status(self) -> Any:
         """Latest status of the drill, a ``rpud_msgs/Status``."""
         return self.latest("status")
+
+    @property
+    def seed(self) -> int:
+        """Seed of the drill."""
+        return self._seed
 
     @property
     def pid(self) -> int:
@@ -197,7 +206,7 @@ class LockstepDrill(Lockstep):
         """
         self._note("reset" if seed is None else f"reset seed={seed}")
         self._reset(seed)
-        self.seed = self.seed if seed is None else seed
+        self._seed = self._seed if seed is None else seed
         self._verdicts.reset()
         self._refusals.begin()
 
@@ -327,7 +336,7 @@ class LockstepDrill(Lockstep):
 
     def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
         """Begin a test at time zero, paused, as the drill was started; nothing stays of before."""
-        self.seed = seed
+        self._seed = seed
         self._begin(seed, scenario)
         self._verdicts.begin()
         self._refusals.begin()

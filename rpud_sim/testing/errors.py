@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rpud_sim.foundation.quantities import ExpectedError
 
@@ -56,9 +56,3 @@ def subscribed(topics: tuple[str, ...], hears: tuple[str, ...]) -> tuple[str, ..
     if hears:
         warnings.warn("hears is now subscribes_to", DeprecationWarning, stacklevel=3)
     return topics or hears
-
-
-def is_verdict(error: Any) -> bool:
-    """Whether a failure needs no traceback into this package; pytest asks it for each frame."""
-    verdicts = (AssertionError, DrillError, ExpectationUndecidedError)
-    return error is not None and bool(error.errisinstance(verdicts))

@@ -8,7 +8,7 @@ from pathlib import Path
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.computed import ComputedTopic
-from rpud_sim.testing.errors import ExpectationFailedError, ExpectationUndecidedError, is_verdict
+from rpud_sim.testing.errors import ExpectationFailedError, ExpectationUndecidedError
 from rpud_sim.verdicts import (
     Expectation,
     ExpectationError,
@@ -24,7 +24,6 @@ from rpud_sim.verdicts.units import Window
 from rpud_sim.verdicts.verdict import FAILED, latest_values
 
 Expectable = Expectation | Formula | str | Path
-__tracebackhide__ = is_verdict
 
 
 class LiveVerdicts:

@@ -22,7 +22,7 @@ from rpud_sim.testing.attempt_records import TEST_CLIENT, Heard, heard_of
 from rpud_sim.testing.collector import Collector, StoredTopic
 from rpud_sim.testing.computed import ComputedDrill, ComputedTopic, check_equal
 from rpud_sim.testing.disturbances import Disturbances
-from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
+from rpud_sim.testing.errors import DrillError, LostMessagesError
 from rpud_sim.testing.nodes import Answers, DiscoveryHandshake
 from rpud_sim.testing.processes import DrillProcess, applied
 from rpud_sim.testing.systems import Systems
@@ -34,7 +34,6 @@ _LONGEST_ADVANCE = SECOND  # beside others: the middleware keeps some thousand m
 _OWN_NODES = 3  # in the domain of a drill: its node and two of the test
 
 Value = TypeVar("Value")
-__tracebackhide__ = is_verdict
 
 
 def _refused(name: str, other: str) -> Any:

@@ -13,10 +13,12 @@ from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
 from rpud_sim.testing.errors import ExpectationUndecidedError
 from rpud_sim.testing.item_drills import (
@@ -42,6 +44,7 @@ _UNOBSERVED = (
     "drill.expect or drill.step_until, or look at drill.status or drill.messages"
 )
 
+_PACKAGE = str(Path(__file__).parents[1])
 _SEED = "rpud_shake_seed"
 _ERROR = pytest.StashKey[str]()  # in the mark of an item
 _PROPERTIES = pytest.StashKey[list[tuple[str, object]]]()  # those of this plugin, of an item
@@ -204,22 +207,34 @@ def pytest_runtest_makereport(
 
 
 @pytest.hookimpl(specname="pytest_runtest_makereport", wrapper=True, trylast=True)
-def pytest_undecided_is_an_error(
+def pytest_report_of_an_expected_error(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Report a test with undecided expectations as an error, before any reporter sees it.
+    """Show an error of this package where the test caused it; an undecided test is an error.
 
     pytest calls a failed report an error in any phase but ``call``. Reporters know only pytest's
     phases, and at most one ``teardown`` of a test.
     """
+    error = call.excinfo
+    if error and error.errisinstance(ExpectedError) and not item.config.getoption("fulltrace"):
+        _end_at_caller(error.tb)
     report = yield
-    if (
-        call.when == "call"
-        and call.excinfo
-        and call.excinfo.errisinstance(ExpectationUndecidedError)
-    ):
+    if call.when == "call" and error and error.errisinstance(ExpectationUndecidedError):
         report.when = "setup"
     return report
+
+
+def _end_at_caller(trace: TracebackType | None) -> None:
+    """Cut the frames of this package off the end of a traceback, also those of dataclasses."""
+    caller, place = None, ""
+    while trace:
+        file = trace.tb_frame.f_code.co_filename
+        if file != "<string>" and not file.startswith(_PACKAGE):
+            caller, place = trace, file
+        trace = trace.tb_next
+    # pytest calls a fixture: its frames do not help.
+    if caller and not {"_pytest", "pluggy"}.intersection(Path(place).parts):
+        caller.tb_next = None
 
 
 @pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted

@@ -19,7 +19,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import node_name
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.collector import Collector
-from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
+from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError
 from rpud_sim.testing.nodes import Answers, DiscoveryHandshake
 
 _START = 30.0  # that nodes may take to answer where the test starts none itself [s]
@@ -28,8 +28,6 @@ _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
 _POLL_PERIOD = 0.01  # between looks at the graph, whose changes send no signal [s]
 _SILENT = 1.0  # for an answer of a process that has never answered, in a test before [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
-
-__tracebackhide__ = is_verdict
 
 
 class SystemUnderTest(ChildProcess):
@@ -342,9 +340,10 @@ def _words(command: Sequence[str]) -> list[str]:
 
 
 def _name_of(words: Sequence[str]) -> str:
-    names = [Path(word).name for word in words if not word.startswith("-")]
-    interpreted = len(names) > 1 and words[0] == sys.executable
-    return names[1] if interpreted else names[0]
+    given = [word for word in words if word == "-c" or not word.startswith("-")]
+    if words[0] != sys.executable or len(given) == 1:
+        return Path(words[0]).name
+    return "python -c" if given[1] == "-c" else Path(given[1]).name
 
 
 def _last_lines(system: ChildProcess) -> str:

@@ -119,8 +119,9 @@ def test_in_quick_steps_each_status_has_its_power_and_timing(pool):
     for number in range(20):
         drill.press(10.0 + number)
         drill.step(0.001)
-    power, timing = drill.messages("power"), drill.messages("timing")
-    assert len(power) == len(timing) > 20
+    # Each command and each step has a status. A report between the two listens is of the first.
+    power, timing = (drill.messages(topic)[-40:] for topic in ("power", "timing"))
+    assert len(power) == len(timing) == 40
     assert [each.header for each in power] == [each.header for each in timing]
     assert power[-1].header == drill.status.header
     pool.give_back(drill)
@@ -221,6 +222,14 @@ def test_wrong_calls_are_refused_in_one_line(drill, action, text):
         action(drill)
     assert "\n" not in str(error.value)
     assert drill.time == 0.0
+
+
+@pytest.mark.parametrize("name", ["weight_on_bit", "press", "time", "seed"])
+def test_what_does_nothing_cannot_be_set(drill, name):
+    for face in (drill, drill.client):
+        with pytest.raises(AttributeError, match=f"^{name} of a .* cannot be set$"):
+            setattr(face, name, 30.0)
+    assert drill.status.weight_on_bit == 8.0
 
 
 HERE = "the drill at {:.3f} s: state paused, regime drilling, weight on bit 8 N, drive on, 0 faults"

@@ -170,9 +170,18 @@ def test_undecided_is_an_error_of_every_reporter(pytester):
         @pytest.mark.xfail
         def test_b():
             raise ExpectationUndecidedError("nobody knows", ())
+
+        def test_c():
+            import rpud_sim
+            rpud_sim.simulate(-1)
     """)
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-s", "-rA")
-    result.assert_outcomes(errors=1, xfailed=1)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-s", "-rA", "--tb=short")
+    result.assert_outcomes(errors=1, xfailed=1, failed=1)
+    # An expected error is shown where the test caused it, without frames of this package.
+    result.stdout.fnmatch_lines(
+        ["*:13: in test_c", "    rpud_sim.simulate(-1)", "E *duration = -1*"]
+    )
+    result.stdout.no_fnmatch_line("*/rpud_sim/*: in *")
     reports = [line.split()[-2:] for line in result.outlines if "REPORT" in line]
     assert reports[:3] == [["setup", "passed"], ["setup", "failed"], ["teardown", "passed"]]
     assert reports[4] == ["setup", "skipped"]

@@ -114,6 +114,7 @@ def test_a_start_that_fails_says_in_one_line_why(drill):
     for command, options, text in (
         ("nosuch --fast", {}, "^nosuch cannot be started: No such file or directory$"),
         ("python nowhere.py", {}, r"exit code 2, at 0\.000 s of simulation time"),
+        ("python -c 1/0", {}, "^python -c ended with exit code 1"),
         ("sleep 100", {"timeout": 0.5}, r"is not connected to the drill within 0\.5 s"),
         (
             "sleep 100",

@@ -83,6 +83,9 @@ class DrillClient(ListeningNode):
     ``patience`` is in s.
     """
 
+    # messages that the drill had published on each topic when the last step ended
+    published: Mapping[str, int]
+
     def __init__(
         self,
         namespace: str = NAMESPACE,
@@ -97,8 +100,7 @@ class DrillClient(ListeningNode):
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
         self._listened: list[ReceivedTopic] = []
         self._shown = 0  # number of the status that a step returned; those before are older
-        # Messages that the drill had published on each topic when the last step ended.
-        self.published: Mapping[str, int] = {}
+        self.published = {}
         self._observer: Callable[[str, Any, int], object] = lambda topic, message, published: None
         self._follow("status", "faults", "journal", _RESULTS)
         self._services = ServiceCaller(self, lambda: self.status_number)

@@ -20,6 +20,7 @@ from rpud_msgs import msg, srv
 from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ExpectedError, suggestion
+from rpud_sim.foundation.verbs import DeclaredAttributes
 from rpud_sim.ros.client.arguments import SECONDS
 from rpud_sim.ros.graph import RepeatedRequest, node_name
 from rpud_sim.ros.process import name_error, start_ros
@@ -59,8 +60,11 @@ class NoAnswerError(ClientError, TimeoutError):
     """Nothing came within the time limit."""
 
 
-class ListeningNode:
+class ListeningNode(DeclaredAttributes):
     """Node that takes messages while its owner waits, for ``patience`` at most [s]."""
+
+    patience: float
+    node: Node
 
     def __init__(
         self,
