@@ -80,7 +80,7 @@ def test_force_replaces_a_bag_and_keeps_it_if_the_command_fails(drill_bag, tmp_p
     bag = tmp_path / "bag"
     shutil.copytree(drill_bag, bag)
     before = sorted(path.name for path in bag.iterdir())
-    assert rpud("fork", drill_bag, "--at", "9", "--out", bag, "--force")[0] == 1
+    assert rpud("fork", drill_bag, "--at", "9", "--out", bag, "--force")[0] == 2
     assert sorted(path.name for path in bag.iterdir()) == before
     assert rpud("simulate", "--duration", "0.1", "--bag", bag, "--force")[0] == 0
     assert rpud_sim.bag.open(bag).duration < 0.2e9

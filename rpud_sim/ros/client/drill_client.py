@@ -28,7 +28,7 @@ from rpud_sim.foundation.quantities import (
     shown,
 )
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.foundation.verbs import verb
+from rpud_sim.foundation.verbs import DeclaredAttributes, verb
 from rpud_sim.ros.client.arguments import to_number, to_parameter, to_time
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
@@ -67,7 +67,7 @@ _CHANNEL = Text("topic of a faulty signal", "a topic")
 _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
 
 
-class DrillClient(ListeningNode):
+class DrillClient(DeclaredAttributes, ListeningNode):
     """Client that commands one running drill, and has its messages.
 
     ::

@@ -20,7 +20,6 @@ from rpud_msgs import msg, srv
 from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ExpectedError, suggestion
-from rpud_sim.foundation.verbs import DeclaredAttributes
 from rpud_sim.ros.client.arguments import SECONDS
 from rpud_sim.ros.graph import RepeatedRequest, node_name
 from rpud_sim.ros.process import name_error, start_ros
@@ -60,7 +59,7 @@ class NoAnswerError(ClientError, TimeoutError):
     """Nothing came within the time limit."""
 
 
-class ListeningNode(DeclaredAttributes):
+class ListeningNode:
     """Node that takes messages while its owner waits, for ``patience`` at most [s]."""
 
     patience: float
