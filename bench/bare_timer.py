@@ -1,7 +1,7 @@
 """How late this machine wakes a Python thread that waits for every default period and does nothing.
 
 Prints a line when it begins. Runs until SIGINT, and then prints the quantiles of its lateness [ms]
-as JSON. As a process of its own beside the node it has the same minutes: the same neighbours, and
+as JSON. As a separate process beside the node it has the same minutes: the same neighbours, and
 the same listener.
 """
 

@@ -1,4 +1,4 @@
-"""Publishes messages of a size at a rate for some time, once it is heard; prints how many."""
+"""Publishes messages of a size at a rate to its first subscriber; prints how many."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import UInt8MultiArray
 
 _DEPTH = 10_000  # half a second of the quickest
-_BURST = 0.001  # messages of this time go at once [s]
+_BURST = 0.001  # messages of this time go together [s]
 _ACKNOWLEDGEMENT = 20.0  # [s]
 
 

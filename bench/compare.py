@@ -1,6 +1,6 @@
 """What became slower or faster than another commit: `python -m bench.compare BASE [WORK ...]`.
 
-Both run the same commands in the order A B B A, each in a process of its own. Times are the
+Both run the same commands in the order A B B A, each in a separate process. Times are the
 processor's. The exit code is 1 if the whole interval of something is above the threshold.
 """
 
@@ -46,7 +46,7 @@ WORKS = {  # {bag} is made before, {out} is a new folder
 def ratio(pairs: Sequence[tuple[float, float]], comparisons: int = 1) -> tuple[float, float, float]:
     """Return second over first times (geometric mean), and the ends of its interval.
 
-    By Student's t on the logarithms; all intervals hold at once with 95 % (Bonferroni).
+    By Student's t on the logarithms; all intervals hold together with 95 % (Bonferroni).
     """
     logarithms = np.log([second / first for first, second in pairs])
     reach = stats.sem(logarithms) * stats.t.ppf(1.0 - 0.025 / comparisons, len(pairs) - 1)

@@ -1,7 +1,7 @@
 """The engine beside the best program in C that we could write, in turns within one run.
 
 Times are the processor's, so that what else the machine does counts little. Every ratio is taken
-between neighbours in time. The C program begins in the middle of a flight of our trajectory.
+between neighbours in time. The C program begins in the middle of a free motion of our trajectory.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ STRIDE = 2  # simulated seconds between two collections of the results, which a 
 FLAGS = ("-O3", "-march=native", "-ffast-math")  # the fastest of those that gcc offers
 _ENSEMBLE = {"drilling": 8.5e6, "free": 4.7e6}  # three times the rates of 0.2.0 [1/s]
 _MEMBERS, _MEMBER_DURATION, _THREADS = 40, 10.0, 2
-_LONG = 1e-4  # a flight that leaves room for another program's first step [s]
+_LONG = 1e-4  # a free motion with time for another program's first step [s]
 _COUNTED = 0.1  # slower blows are part of a contact that lasts, for programs without one [m/s]
 _SAME = 1e-7  # how near two impacts are that agree [s]
 
@@ -102,7 +102,7 @@ def _run(parameters: Parameters, phase: float) -> Run:
 
 
 def _first_flight(block: Block) -> tuple[tuple[float, ...], np.ndarray]:
-    """Return the state in the middle of the first long flight, and the impacts from there on."""
+    """Return the state amid the first long free motion, and the impacts from there on."""
     flights = block.covering[block.covering["contact"] == 0]
     flight = flights[np.argmax(flights["duration"] > _LONG)]
     middle = 0.5 * float(flight["duration"])

@@ -27,9 +27,9 @@ class Answering(Node):
     def __init__(self):
         super().__init__("answering", namespace="/rpud")
         self.answer = self.create_publisher(Header, "answer", 10)
-        self.create_subscription(ReactingForce, "reacting_force", self.hear, 1000)
+        self.create_subscription(ReactingForce, "reacting_force", self.receive, 1000)
 
-    def hear(self, message):
+    def receive(self, message):
         if message.header.stamp.nanosec % 100_000_000 == 0:
             self.answer.publish(message.header)
 

@@ -126,7 +126,7 @@ def _talk(folder: Path, size: int, rate: int) -> _Recorded:
             listening.wait(_ENDING)
     found = re.search(r"published (\d+) in ([0-9.]+)", said)
     if found is None:
-        raise RuntimeError(f"the talker did not say what it published, but {said!r}")
+        raise RuntimeError(f"the talker did not report what it published, but {said!r}")
     with BagReader(bag) as reader:
         recorded = reader.message_count
     elapsed = float(found[2])

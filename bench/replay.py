@@ -1,6 +1,6 @@
 """How exactly and how fast a bag with the drill's own mix of messages is replayed.
 
-Sender and listener are processes of their own.
+Sender and listener are separate processes.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class _Replayed(NamedTuple):
 
 
 def replay() -> Iterator[Row]:
-    """Replay the drill's mix to one raw listener: its timing, and the highest rate that is kept."""
+    """Replay the drill's mix to one raw listener: its timing, and the highest sustained rate."""
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder, "bag")
         words = (*RPUD, "simulate", "--bag", str(bag), "--duration", str(DURATION))
@@ -77,7 +77,7 @@ def replay() -> Iterator[Row]:
 
 
 def _turn(bag: Path, rate: float, folder: Path) -> _Replayed:
-    """Have a bag's beginning of ``SECONDS`` sent and heard."""
+    """Have a bag's beginning of ``SECONDS`` sent and received."""
     file, duration = folder / "heard.json", str(SECONDS * rate)
     words = (*(*RPUD, "replay", str(bag), "--rate", str(rate), "--duration", duration),)
     listener = subprocess.Popen(

@@ -1,7 +1,7 @@
 """Raw listener of a bag's topics: ``python -m bench.replay_listener BAG FILE``.
 
-It takes messages as bytes until it has heard as many as the bag has, or SIGINT, and writes for each
-topic the numbers that the middleware gave to the messages and when they arrived [ns].
+It takes messages as bytes until it has as many as the bag, or SIGINT, and writes for each topic the
+numbers that the middleware gave to the messages and when they arrived [ns].
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _PERIOD = 0.002  # between two looks; the middleware has noted when each message
 
 
 def listen(bag: Path, file: Path) -> None:
-    """Hear the topics of a bag, and write what was heard."""
+    """Receive the topics of a bag, and write what arrived and when."""
     with BagReader(bag) as reader:
         counts = {each.topic.name: each.message_count for each in reader.topics}
         types = {each.topic.name: message_class(each.topic.type) for each in reader.topics}

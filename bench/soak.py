@@ -39,10 +39,10 @@ def soak(seconds: float = SECONDS) -> Iterator[Row]:
     yield row("soak: messages dropped by the node", int(values["messages_dropped"]), most=0)
     missing = sum(each.missing for each in talk.hearing.gaps.values())
     yield row("soak: messages missing", missing, most=0)
-    yield row("soak: messages heard", sum(talk.hearing.messages.values()), least=1)
+    yield row("soak: messages received", sum(talk.hearing.messages.values()), least=1)
     # The status counts an impact when it begins, the message comes when it has ended.
     counted, heard = (talk.hearing.last(name) for name in ("status", "contact_force"))
-    yield row("soak: impacts not heard", counted.impacts - heard.sequence - 1, least=0, most=1)
+    yield row("soak: impacts not received", counted.impacts - heard.sequence - 1, least=0, most=1)
     yield row("soak: exit code", code, least=0, most=0)
 
 

@@ -1,4 +1,4 @@
-"""A drill's node in a process of its own, and what an independent listener hears of it."""
+"""A drill's node in a separate process, and what an independent listener receives from it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.topics import TOPICS
 
 _KINDS = {name: message_class(topic.type) for name, topic in {**TOPICS, **OF_NODE}.items()}
-_STARTING = 60.0  # that a process may take until it is heard [s]
+_STARTING = 60.0  # that a process may take until its first message [s]
 _ENDING = 30.0  # that a process may take to end after SIGINT [s]
 _SETTLING = 2.0  # between the first message and the first result [s]
 _TAKE_PERIOD = 0.002  # [s]
@@ -52,7 +52,7 @@ def ros() -> Iterator[None]:
 def called(client: Client) -> Any:
     """Call a service; take its reply when the middleware has it.
 
-    An executor would add milliseconds of its own, and take messages.
+    An executor would add milliseconds, and take messages.
     """
     client.call_async(client.srv_type.Request())
     end = time.monotonic() + _ANSWERING
@@ -64,7 +64,7 @@ def called(client: Client) -> Any:
 
 
 class Hearing:
-    """Counts of what is heard on all topics of a drill, and the last message of each.
+    """Counts of messages received on all topics of a drill, and the last message of each.
 
     Messages are taken as bytes and in batches: an executor costs so much more for each that on a
     busy machine the listener would be what loses them.
@@ -91,7 +91,7 @@ class Hearing:
         return deserialize_message(content, _KINDS[topic]) if content else None
 
     def take(self) -> None:
-        """Hear what has come since the last call."""
+        """Take the messages that arrived since the last call."""
         for name, subscription in self._subscriptions.items():
             handle, kind = subscription.handle, _KINDS[name]
             with handle:
@@ -108,13 +108,13 @@ class Hearing:
             if name == "contact_force":
                 self.delays.add(info["received_timestamp"] - stamp)
                 return
-            # When it came to this process, however much later it is heard.
+            # When it came to this process, however much later it is taken.
             arrival = time.monotonic_ns() - (time.time_ns() - info["received_timestamp"])
             if self.soonest is None or arrival - stamp < self.soonest[1] - self.soonest[0]:
                 self.soonest = stamp, arrival
 
     def take_until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Hear until a condition holds, but not longer than this; tell whether it does."""
+        """Take messages until a condition holds, or so many seconds; return whether it holds."""
         end = time.monotonic() + seconds
         while not (holds := condition()) and time.monotonic() < end:
             self.take()
@@ -123,7 +123,7 @@ class Hearing:
 
 
 class Talk:
-    """A drill's node in a process of its own, and what is heard of it."""
+    """A drill's node in a separate process, and the messages received from it."""
 
     def __init__(self, parameters: Mapping[str, object]) -> None:
         self.namespace = f"/bench_{os.getpid()}_{time.monotonic_ns()}"
@@ -143,7 +143,7 @@ class Talk:
         self.node.destroy_node()
 
     def end(self) -> int:
-        """End the process as Ctrl-C does, hearing its last messages; return its exit code."""
+        """End the process as Ctrl-C does, taking its last messages; return its exit code."""
         self.process.send_signal(signal.SIGINT)
         if not self.hearing.take_until(lambda: self.process.poll() is not None, _ENDING):
             self.process.kill()
@@ -172,12 +172,12 @@ class Talk:
         return own
 
     def settle(self) -> None:
-        """Wait until the process is heard, and some seconds more; then let the drill begin again.
+        """Wait for the first waveform, and some seconds more; then let the drill begin again.
 
         Its counts of blocks are those from then on.
         """
         if not self.hearing.take_until(lambda: self.hearing.messages["waveform"] > 0, _STARTING):
-            raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
+            raise RuntimeError(f"nothing was received within {_STARTING:g} s")
         self.listen(_SETTLING)
         client = self.node.create_client(ResetSimulation, "simulation/reset")
         if not client.wait_for_service(_STARTING):
@@ -187,5 +187,5 @@ class Talk:
             raise RuntimeError(f"the drill has not begun again: {reply}")
 
     def listen(self, seconds: float) -> None:
-        """Hear what comes for some time."""
+        """Take messages for some time."""
         self.hearing.take_until(lambda: False, seconds)

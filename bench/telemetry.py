@@ -111,7 +111,7 @@ def _answers(name: str, talk: Talk) -> Iterator[Row]:
 
 
 class _BareTimer:
-    """The program `bench.bare_timer` in a process of its own, with a priority."""
+    """The program `bench.bare_timer` in a separate process, with a priority."""
 
     def __init__(self, priority: int) -> None:
         words = (sys.executable, "-m", "bench.bare_timer", str(priority))

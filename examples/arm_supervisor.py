@@ -28,7 +28,7 @@ FASTEST = 0.01  # rate of the feed under force control [m/s]
 
 TRAVEL = 0.04  # rate of the feed in the empty hole, the drill's feed_rate_limit [m/s]
 TOUCH = 0.005  # rate of the feed toward the rock [m/s]
-MARGIN = 0.003  # way to the bottom of the hole that it feeds with the rate TOUCH [m]
+MARGIN = 0.003  # distance to the bottom of the hole that it feeds with the rate TOUCH [m]
 CONTACT = 3.0  # weight on bit at which the tool is on the rock [N]
 
 START_WEIGHT = 8.0  # on bit until the hole guides the bit [N]
@@ -38,7 +38,7 @@ GENTLE = 0.6  # share of the weight on bit after a disturbance
 TORQUE = 0.06  # above which the hole is cleared [N m]; the rotor stalls at 0.1
 SLOW = 0.8e-3  # rate of penetration below which the hole is cleared [m/s]
 LOADED = 100_000_000  # of high torque before it is a reason [ns]
-SETTLING = 1_200_000_000  # after which the rate of penetration says something [ns]
+SETTLING = 1_200_000_000  # after which the rate of penetration is meaningful [ns]
 TURNING = 300_000_000  # of the tool above the hole, to throw off the cuttings [ns]
 ARM_FORCE = 80.0  # mean reacting force above which it gives up [N]
 SMOOTHING = 0.1  # share of a new reading in that mean

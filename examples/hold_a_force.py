@@ -1,7 +1,7 @@
 """Hold a force by the feed, with the messages that ros2_control exchanges with the drill.
 
 The controller is what `feed_force_controller` of config/ros2_control/controllers.yaml does: the
-rate of the feed is a gain times the lack of force. It steps the drill, so that its result is the
+rate of the feed is a gain times the force error. It steps the drill, so that its result is the
 same on any machine. Start the drill before: `rpud run --set feed_model=arm`.
 """
 

@@ -21,7 +21,7 @@ request.duration = Duration(sec=1)
 future = client.call_async(request)
 rclpy.spin_until_future_complete(node, future)
 if not future.result().success:
-    raise SystemExit(f"refused: {future.result().message}")
+    raise SystemExit(f"rejected: {future.result().message}")
 number = future.result().number
 
 

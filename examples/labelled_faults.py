@@ -2,8 +2,8 @@
 
 Each rock is drilled once without a fault and once with each. `labels.csv` has the truth: a message
 has the fault if its stamp is from `onset` on and before `clear` [s]. All of it is synthetic: a
-detector that finds these faults may not find those of a real drill. Test it on another rock than
-those that it has learned from.
+detector that finds these faults may not find faults of a real drill. Test it on another rock than
+the rocks that it has learned from.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""Launch test of the supervisor: starts it and the drill, and tests what they say.
+"""Launch test of the supervisor: starts it and the drill, and tests what they print and publish.
 
 Run it with ``launch_test examples/launch_test_supervisor.py``.
 """
@@ -54,5 +54,5 @@ class TestEnd(unittest.TestCase):
     """After both have been interrupted."""
 
     def test_both_end_well(self, proc_info):
-        """SIGINT is no failure."""
+        """SIGINT does not count as a failure."""
         launch_testing.asserts.assertExitCodes(proc_info)

@@ -4,7 +4,7 @@
 
 A requirement that catches no mutant, and a mutant that no requirement catches, show what the tests
 do not look at. It runs ``test_supervisor.py`` as it is: this file is also a plugin of pytest that
-gives it the mutants in place of the supervisor. The exit code is 1 if a mutant survives.
+gives it the mutants instead of the supervisor. The exit code is 1 if a mutant survives.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from rpud_sim.testing.errors import SystemUnderTestError
 FOLDER = Path(__file__).resolve().parent
 TESTS = FOLDER / "test_supervisor.py"
 
-# What is wrong, which text of supervisor.py it is, and what stands in its place.
+# What is wrong, which text of supervisor.py it replaces, and the new text.
 MUTANTS = {
     "never engages": ("self._request(True, State.RAMPING, now)", "self._command(now)"),
     "wrong target": ('"target", 35.0', '"target", 30.0'),
@@ -55,12 +55,12 @@ ANSWER = "REQ-08"  # is broken by a supervisor that dies or does not answer
 
 
 def write_mutants(folder, names):
-    """Write the mutants of some names; each text to replace stands once in the supervisor."""
+    """Write the mutants of some names; each text to replace occurs once in the supervisor."""
     source = (FOLDER / "supervisor.py").read_text()
     for name in names:
         old, new = MUTANTS[name]
         if source.count(old) != 1:
-            raise ValueError(f"{name}: {old!r} stands {source.count(old)} times in supervisor.py")
+            raise ValueError(f"{name}: {old!r} occurs {source.count(old)} times in supervisor.py")
         (folder / f"{name}.py").write_text(source.replace(old, new))
 
 
@@ -68,7 +68,7 @@ def write_mutants(folder, names):
 
 
 def pytest_generate_tests(metafunc):
-    """Give each test the mutants in place of the supervisor."""
+    """Give each test the mutants instead of the supervisor."""
     if "supervisor" in metafunc.fixturenames:
         paths = sorted(Path(os.environ[FILES]).glob("*.py"))
         marks = [pytest.mark.xdist_group(path.stem) for path in paths]

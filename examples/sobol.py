@@ -47,7 +47,7 @@ def main(samples=64, duration=5.0):
         found = sobol.analyze(problem, values.mean(axis=1), calc_second_order=False, seed=0)
         unit = frame.attrs["units"][figure]
         print(f"{figure}: {values.mean():.4g} {unit}, share of the chaotic motion {noise:.2f}")
-        # A share near that of the motion means nothing: use a longer duration or more seeds.
+        # An index near the motion's share means nothing: use a longer duration or more seeds.
         for place in found["ST"].argsort()[:-4:-1]:
             alone, whole, error = (found[key][place] for key in ("S1", "ST", "ST_conf"))
             print(f"  {names[place]:20} alone {alone:5.2f}, in all {whole:5.2f} +- {error:.2f}")

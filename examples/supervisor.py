@@ -1,7 +1,7 @@
 """A supervisor of the drill, as a probe or a manipulator would carry it: plain rclpy, to be copied.
 
 It puts the drill tool into the rock, ramps the weight on bit until the mean reacting force is what
-the arm shall bear, and holds it there. It retreats when the impacts stop under a running drive, and
+the arm may bear, and holds it there. It retreats when the impacts stop under a running drive, and
 when it cannot trust the force sensor. Its only clock is the stamps of the wrist sensor's messages,
 so that it behaves alike in real time and in steps.
 
@@ -49,7 +49,7 @@ class State(enum.Enum):
 class Supervisor(Node):
     """Commands the drill once in every period, also when nothing changes.
 
-    The drill's ``command_timeout`` wants it so: should this node die, the drill makes itself safe.
+    The drill's ``command_timeout`` needs it: if this node dies, the drill goes to zero by itself.
     A command has the stamp of the period that it answers. It goes out when all is done that the
     supervisor does in this period, the answer of a service included.
     The state goes out on ``supervisor/state``, latched, with stamp and reason.
@@ -116,7 +116,7 @@ class Supervisor(Node):
             self._command(now)
 
     def _drill(self, now, force):
-        """Retreat if there is a reason, or else go on: without a drive that runs there is none."""
+        """Retreat if there is a reason, or continue: without a running drive there is no reason."""
         if now - max(self._struck, self._driven) > SILENCE:
             self._retreat(now, "no impacts under a running drive: jammed")
         elif now - max(self._trusted, self._driven) >= BLINDNESS:
@@ -140,7 +140,7 @@ class Supervisor(Node):
         return math.fsum(forces) / len(forces)
 
     def _ramp(self, now, force):
-        """Integrate toward the target, not faster than the arm shall feel it."""
+        """Integrate toward the target, in steps that are small enough for the arm."""
         missing = self._target - force
         step = max(-LARGEST_STEP, min(GAIN * missing, LARGEST_STEP))
         self._weight = max(0.0, min(self._weight + step, GREATEST_WEIGHT))
@@ -172,7 +172,7 @@ class Supervisor(Node):
                 self._struck = self._trusted = now
                 self._change(then, now, f"the drill tool is {where} the rock")
             else:
-                self._change(State.RETREATED, now, f"refused: {answer.message}")
+                self._change(State.RETREATED, now, f"rejected: {answer.message}")
             self._command(now)
 
         self._asking = True

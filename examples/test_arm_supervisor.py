@@ -69,7 +69,7 @@ def test_the_theory_says_that_its_force_control_is_stable(gains, stiffness):
     assert np.abs(np.linalg.eigvals(doubled)).max() < 1.0  # gain margin
 
 
-# What is wrong, which text of the supervisor it is, what stands in its place, and who catches it.
+# What is wrong, which text of the supervisor it replaces, the new text, and who catches it.
 MUTANTS = {
     "presses too hard": ("self._press(self._weight)", "self._press(2 * self._weight)", "ARM-02"),
     "starts with a blow": ("START_WEIGHT = 8.0", "START_WEIGHT = 20.0", "ARM-03"),

@@ -1,4 +1,4 @@
-"""Shows that the requirements catch mutants of the supervisor; `mutants.py` flies them all."""
+"""Shows that the requirements catch mutants of the supervisor; `mutants.py` runs them all."""
 
 import importlib.util
 import subprocess

@@ -37,7 +37,11 @@ def test_the_installed_version_is_that_of_the_manifest():
     [
         ("msg_defs/package.xml", (r"<version>.*<", "<version>9.9.9<"), "has another version than"),
         ("package.xml", (r' condition="[^"]*"', ""), "mcap-ros2-support, which only pip has"),
-        ("rpud_sim/ros/graph.py", ("^", "import nav_msgs.msg\n"), "imports nav_msgs, of which"),
+        (
+            "rpud_sim/ros/graph.py",
+            ("^", "import nav_msgs.msg\n"),
+            "imports nav_msgs, which package.xml does",
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # by catkin_pkg

@@ -31,7 +31,7 @@ prepare_metadata_for_build_editable = build_meta.prepare_metadata_for_build_edit
 
 
 def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
-    """Return nothing more than pyproject.toml; setuptools would write an egg-info to say so."""
+    """Return nothing more than pyproject.toml; setuptools would write an egg-info for that."""
     return []
 
 

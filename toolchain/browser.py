@@ -24,7 +24,7 @@ OPTIONS = [
 
 
 def find_chromium() -> str | None:
-    """Return the path of an installed Chromium: that of ``CHROMIUM``, then by name; or None.
+    """Return the path of an installed Chromium: ``CHROMIUM``, then by name; or None.
 
     Raises:
         FileNotFoundError: if ``CHROMIUM`` names no program.

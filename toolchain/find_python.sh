@@ -17,7 +17,7 @@ command -v "${CXX:-c++}" >/dev/null || fail "needs a C++ compiler: sudo apt inst
 if [ -n "${ROS_PREFIX:-}" ]; then
   candidates="${PYTHON:-/usr/bin/python3.12 python3.12}"
   versions="(3, 12)"
-  wanted="CPython 3.12, that of $ROS_PREFIX"
+  wanted="CPython 3.12, as $ROS_PREFIX does"
 else
   candidates="${PYTHON:-python3 python3.12 python3.11 python3.13 python3.10}"
   versions="(3, 10), (3, 11), (3, 12), (3, 13)"

@@ -1,5 +1,5 @@
 # The message packages in the ROS wheels export Python targets with the include folders of the machine that built
-# them. CMake refuses folders that do not exist, so each is replaced by this machine's.
+# them. CMake rejects folders that do not exist, so each is replaced by this machine's.
 cmake_language(DEFER CALL repair_wheel_targets)
 
 function(repair_wheel_targets)

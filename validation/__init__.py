@@ -1,1 +1,1 @@
-"""Validation: the numbers of the paper beside those of the model, as a page of the documents."""
+"""Validation: numbers of the paper beside the model's, as a page of the documents."""

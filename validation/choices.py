@@ -1,6 +1,6 @@
 """Choices in what the paper leaves open, before drilling and in the rock, with their reasons.
 
-A choice may differ before drilling and in the rock. What an impact is said to transfer affects no
+A choice may differ before drilling and in the rock. The meaning of "transferred energy" affects no
 run: it is chosen afterwards.
 """
 
@@ -68,7 +68,7 @@ def figure_12_implies() -> tuple[float, float]:
 
 @dataclasses.dataclass(frozen=True)
 class Before:
-    """Choices before drilling; there is no weight on bit. A_0 and m_dt are those of Table 1."""
+    """Choices before drilling; there is no weight on bit. A_0 and m_dt are from Table 1."""
 
     vibration_amplitude: float = 35e-6  # [m]
     actuator_restitution: float = 1.0  # e_1
@@ -104,7 +104,7 @@ class Rock:
 
         A free mass m strikes a resting tool M. After (21) both move at v m / (m + M), and the free
         mass leaves with that velocity when the contact ends. ``common`` is the energy of both,
-        ``tool`` that of the tool, ``net`` what arrives less what the free mass takes back.
+        ``tool`` the tool's energy, ``net`` what arrives less what the free mass takes back.
         """
         drill = self.parameters()
         ratio = drill.free_mass / (drill.free_mass + effective_tool(drill).mass)
@@ -147,7 +147,7 @@ _BEFORE = Before(drill_tool_mass=SHAPE_MASS)
 
 _BEFORE_REASONS = (
     "Table 1 as printed: A = 35 µm, both restitutions are one, and neither gravity nor weight on "
-    "bit, because the table has none. m_dt is 2.124 g in place of 13.5 g: the mass that the shape "
+    "bit, because the table has none. m_dt is 2.124 g instead of 13.5 g: the mass that the shape "
     "(24) gives the tool. That the paper's program used it in both sections is a guess. "
 )
 _HALF = "A = 17.5 µm, if 35 µm is peak to peak. Before drilling 35 µm fits, not half of it. "
@@ -169,15 +169,15 @@ NAMED = (
         Rock(_HALF_AMPLITUDE, 1.0, 9.81, tool=SHAPE_ON_SERIES, energy="common"),
         f"{_BEFORE_REASONS}No number is fitted. The tool has the mass of the shape (24) on two "
         f"springs in series with steel. {_HALF}W is the weight of the 1 kg RPUD that hangs on the "
-        "tool. The energy is that of the common motion after (21)."),
+        "tool. The energy is of the common motion after (21)."),
     Choices(AS_FIGURE_12, _BEFORE, Rock(_HALF_AMPLITUDE, 0.9, 8.0, tool=IMPLIED),
         f"{_BEFORE_REASONS}Mass and spring rate give both numbers of Fig. 12 by (21), (30) and "
         f"(36). {_HALF}W = 8 N and e_1 = 0.9 are fitted. Table 2 prints e_1 = 1 and no W."),
     Choices(AS_FIGURE_12_PRINTED_AMPLITUDE, _BEFORE,
         Rock(actuator_restitution=0.4, weight_on_bit=6.0, tool=IMPLIED),
         f"{_BEFORE_REASONS}The tool of Fig. 12, and A = 35 µm as printed. W = 6 N and e_1 = 0.4 "
-        "are fitted. A lower e_1 does much the same as a lower A, so these numbers hardly tell "
-        "them apart."),
+        "are fitted. A lower e_1 does much the same as a lower A, so these numbers hardly "
+        "distinguish them."),
     Choices(FITTED, _BEFORE, Rock(20e-6, 0.8, 8.0, tool=IMPLIED),
         f"{_BEFORE_REASONS}The default of each regime, config/free.yaml and config/drilling.yaml. "
         "The tool of Fig. 12. A = 20 µm, W = 8 N and e_1 = 0.8 are fitted round numbers; nothing "

@@ -1,4 +1,4 @@
-"""Elastic bar in place of the drill tool: a reference for the energy balance, eqs. (20)-(39).
+"""Elastic bar instead of the drill tool: a reference for the energy balance, eqs. (20)-(39).
 
 The stepped bar obeys the one-dimensional wave equation
 

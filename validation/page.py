@@ -197,7 +197,7 @@ def trend_table(results: Results) -> Table:
 
 
 def bar_table(results: Results) -> Table:
-    """Return the results of the bar beside those of the energy balance, by free mass."""
+    """Return the results of the bar beside the energy balance, by free mass."""
     rows = []
     quantities = ("displacement", "m"), ("contact time", "s"), ("restitution", "")
     names = "peak_displacement", "duration", "restitution"

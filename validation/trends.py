@@ -1,6 +1,6 @@
 """Trends of Figs. 15-18: four parameters, four outputs, and a verdict on each.
 
-Each point is an ensemble of long runs over initial phases of its own, so that all are independent.
+Each point is an ensemble of long runs over different initial phases, so that all are independent.
 A trend is tested with Kendall's tau between the parameter and the members' outputs (with ties: the
 Jonckheere-Terpstra test); Holm's method corrects the p-values of all trends together. A trend that
 is significant but changes the output by less than ``LITTLE`` from end to end counts as flat: the

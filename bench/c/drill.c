@@ -4,10 +4,10 @@
  * tool, are power series over a span in which those reach double precision; their coefficients are
  * two fixed multiples of position and velocity. The contact in the rock is solved in closed form
  * to its end, with series for the arcs where those are small. Only the tip needs a sine and cosine
- * at other times than those of events.
+ * between events.
  *
  * The next strike of the tip is found by certain steps: the gap cannot close within one. While the
- * free mass is out of the tip's reach the step is that of the slow motion alone; within reach it
+ * free mass is out of the tip's reach the step bounds the slow motion alone; within reach it
  * follows from bounds on the second and third derivative, and converges as Newton's does.
  *
  * drill in_rock duration phase u_np v_np u_fm v_fm u_dt v_dt, then the 13 constants of `struct
@@ -25,7 +25,7 @@
 #define AFTER 1e-8     /* s: least step after a collision that left bodies together */
 #define NEAR_ROOT 1e-9 /* s: a step that is shorter leads to the root within a picometre */
 #define TIP_TERMS 11   /* of the series of the nodal plane */
-#define TOOL_TERMS 17  /* of that of the drill tool */
+#define TOOL_TERMS 17  /* of the series of the drill tool */
 
 struct drill {
     double m_ud, c_1, k_1;       /* RPUD on its load spring */
@@ -191,7 +191,7 @@ static struct statistics run(
             from_offset = dt.u - offset_c;
             swing = sqrt(from_offset * from_offset + dt.v * dt.v * (per_w_c * per_w_c));
             if (swing > lift) {
-                /* Its phase runs from that of (from_offset, v) to where it pulls by g. */
+                /* Its phase runs from (from_offset, v) to where it pulls by g. */
                 double over = lift / swing, under = from_offset * w_c / dt.v, arc;
                 if (dt.v > 0.0 && over < 1e-3 && fabs(under) < 1e-3)
                     arc = M_PI + over * (1.0 + over * over / 6.0)

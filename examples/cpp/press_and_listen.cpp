@@ -57,7 +57,7 @@ private:
       if (result.accepted) {
         RCLCPP_INFO(get_logger(), "the drill presses with %.1f N", weight_);
       } else {
-        RCLCPP_ERROR(get_logger(), "refused: %s", result.reason.c_str());
+        RCLCPP_ERROR(get_logger(), "rejected: %s", result.reason.c_str());
       }
     }
   }

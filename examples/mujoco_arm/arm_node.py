@@ -22,7 +22,7 @@ from rpud_msgs.srv import InjectFault
 from sensor_msgs.msg import JointState
 
 NANOSECONDS = round(1e9 * STEP)
-START = 1000  # steps: time zero is no time in ROS
+START = 1000  # steps: time zero means no time in ROS
 PATIENCE = 20.0  # with a drill that does not answer [s]
 CONNECTING = 0.1  # that the first answer may take, until both have found each other [s]
 
@@ -53,7 +53,7 @@ class ArmNode(Node):
         return len(latest) == len(self._answers) and all(m.header.stamp == stamp for m in latest)
 
     def exchange(self, place: float, rate: float) -> Answer:
-        """Give the drill the motion of its mount, and return what it says a step later."""
+        """Give the drill the motion of its mount, and return its answer a step later."""
         motion = MountMotion(position=place, velocity=rate)
         motion.header.stamp = self._now()
         self._motion.publish(motion)
@@ -67,7 +67,7 @@ class ArmNode(Node):
         wrench, force, hole = (self._latest[name] for name in self._answers)
         torque = wrench.wrench.torque.z
         at = (self._steps - START) * STEP
-        # The force is that of an instant, and not the mean of a step: nothing is taken ahead of it.
+        # The force at an instant, not the mean over a step: nothing is predicted from it.
         return Answer(at, -wrench.wrench.force.z, torque, force.impacts, hole.depth, 0.0, 0.0)
 
     def _await_answer(self) -> None:

@@ -1,4 +1,4 @@
-"""Draw a flight: the plot flight.png, and the clip press.webp, rendered by MuJoCo without a screen.
+"""Draw a run: the plot ``flight.png``, and the clip press.webp, which MuJoCo renders off screen.
 
 MUJOCO_GL=egl python film.py
 """
@@ -41,7 +41,7 @@ def frames(arm: Arm, flight: dict[str, np.ndarray]) -> list[Image.Image]:
     for row in np.linspace(0, len(flight["time"]) - 1, FRAMES).astype(int):
         now = {name: float(values[row]) for name, values in flight.items()}
         arm.data.qpos[:] = [now[f"{name}_angle"] for name in JOINTS]
-        for part, start in parts:  # the load spring lets the drill give way to the rock
+        for part, start in parts:  # the load spring lets the rock hold the drill back
             part.pos[0] = start + min(0.0, now["depth"] - now["place"])
         mujoco.mj_forward(model, arm.data)
         picture, left = Image.new("RGB", (sum(WIDTHS.values()), HEIGHT + 18), "white"), 0

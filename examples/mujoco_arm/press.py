@@ -2,7 +2,7 @@
 
     python press.py [SECONDS]
 
-prints the depth, and where the time goes. README.md tells how both exchange motion and force.
+prints the depth, and where the time goes. README.md shows how both exchange motion and force.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Arm:
 
 
 class Answer(NamedTuple):
-    """What the drill says at the end of a step."""
+    """Answer of the drill at the end of a step."""
 
     time: float  # [s]
     reacting_force: float  # on the mount, away from the rock [N]

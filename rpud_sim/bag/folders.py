@@ -45,9 +45,9 @@ class BagFiles(NamedTuple):
     """Storage files of a bag."""
 
     files: tuple[Path, ...]  # in the order of the metadata
-    missing: tuple[str, ...] = ()  # files that the metadata lists and nobody has, in words
+    missing: tuple[str, ...] = ()  # missing files that the metadata lists, in words
     warnings: tuple[str, ...] = ()  # what a user should know of the choice
-    gaps: tuple[str, ...] = ()  # files that nobody has, by the numbers of the others, in words
+    gaps: tuple[str, ...] = ()  # missing files, by gaps in the numbers of the others, in words
     unlisted: tuple[Path, ...] = ()  # MCAP files beside them that the metadata does not list
 
 
@@ -87,7 +87,7 @@ def storage_files(path: Path) -> BagFiles:
 def mcap_files(folder: Path) -> list[Path]:
     """Return the MCAP files in a folder, by their numbers: ``run_10.mcap`` follows ``run_9.mcap``.
 
-    Hidden ones, such as those of macOS beside the real ones, are none.
+    Hidden files do not count, such as the ones that macOS puts beside the real files.
     """
     with reading(folder):
         found = [file for file in folder.iterdir() if file.suffix.lower() == ".mcap"]
@@ -173,7 +173,7 @@ def _listed(document: Path, metadata: ReadMetadata, held: Sequence[Path]) -> Bag
     renamed = dict(zip(lacking, others, strict=True))
     files = (place or renamed[name] for name, place in zip(names, places, strict=True))
     warnings = (
-        f"{document} lists {name:.200}, which does not exist; {file.name:.200} is read in its place"
+        f"{document} lists {name:.200}, which does not exist; {file.name:.200} is read instead"
         for name, file in renamed.items()
     )
     return BagFiles(tuple(files), warnings=tuple(warnings))
@@ -209,7 +209,7 @@ def _explain(folder: Path) -> None:
 
 
 def _check_storage(file: Path) -> None:
-    """Raise an OtherStorageError for a file that is known as none of MCAP."""
+    """Raise an OtherStorageError for a file in another known format than MCAP."""
     if not file.is_file():
         return
     with reading(file), open_file(file) as stream:

@@ -216,7 +216,7 @@ class McapFile:
         """Return log times of the first and the last message of channels [ns].
 
         None without any, or where only reading all messages outside of chunks would show them. Few
-        indexes are read, for files have thousands: those of chunks that may have an earlier or a
+        indexes are read, for files have thousands: only if their chunk may have an earlier or a
         later message than is known. Chunks may overlap in time.
         """
         if (spans := self._contents.spans) is not None:

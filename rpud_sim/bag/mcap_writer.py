@@ -56,8 +56,8 @@ class McapWriter:
     """New MCAP file: channels, messages in chunks, records.
 
     A chunk is in the file as soon as it has more than ``chunk_size`` uncompressed bytes. No thread
-    compresses it: what threads of Python wait for each other takes more processor time, and saves
-    little of the other. A disk that fails is a BagError.
+    compresses it: Python threads that wait for each other take more processor time, and save
+    little wall time. A disk that fails is a BagError.
     """
 
     def __init__(self, path: Path, compression: str, chunk_size: int) -> None:
@@ -279,7 +279,7 @@ class MessageRecords:
 def interleaved(batches: Sequence[tuple[int, Batch]]) -> MessageRecords:
     """Return the records of batches, each with its channel, in the order of their group.
 
-    Messages of equal places in it, and those of no group, follow each other as the batches do.
+    Messages with equal places in the group, or without a group, keep the order of the batches.
     """
     places = [
         np.full(len(batch), number) if batch.order is None else batch.order

@@ -199,7 +199,7 @@ class ReadMetadata(NamedTuple):
 
     storage_identifier: str
     relative_file_paths: tuple[str, ...]
-    compression_mode: str  # of whole files or messages, not that of MCAP chunks
+    compression_mode: str  # of whole files or messages; MCAP chunks have another one
     message_counts: Mapping[str, int]  # of files, by their paths; empty before version 5
 
 

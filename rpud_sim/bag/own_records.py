@@ -74,7 +74,7 @@ def _readable(value: Any) -> Any:
     if isinstance(value, str):
         try:
             return value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-        except UnicodeEncodeError:  # half of a pair, which JSON can have
+        except UnicodeEncodeError:  # half of a surrogate pair, which JSON may contain
             return value.encode("utf-8", "backslashreplace").decode("utf-8")
     if isinstance(value, Mapping):
         return {_readable(key): _readable(item) for key, item in value.items()}

@@ -278,8 +278,8 @@ def _due_batches(
     """Yield the batches that are due before each chunk, and the rest at the end.
 
     No later one has an earlier message. A chunk is read when none before it holds earlier ones.
-    ``topics`` is None for all. ``start`` is the log time of the first message that counts, ``end``
-    that of the first that does not count any more [ns].
+    ``topics`` is None for all. Messages with log times from ``start`` on and before ``end`` [ns]
+    count.
     """
     chosen = [
         chunk

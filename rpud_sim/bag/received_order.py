@@ -20,7 +20,7 @@ class _Steps(NamedTuple):
     """Steps by which log times go back in the order of the files."""
 
     first: int  # log time of the message that was written first [ns]
-    last: int  # that of the last one [ns]
+    last: int  # log time of the message that was written last [ns]
     total: int  # of all steps [ns]
     # of each chunk, the places from which on log times are earlier, and by how much [ns]
     chunks: list[tuple[np.ndarray, np.ndarray]]

@@ -149,7 +149,7 @@ def split_records(data: bytes) -> tuple[list[RawRecord], np.ndarray, np.ndarray]
 
 
 def uncompressed(chunk: Chunk) -> bytes:
-    """Return a chunk's uncompressed data; zstd has a ZstdError, LZ4 a RuntimeError of its own."""
+    """Return a chunk's uncompressed data; zstd may raise a ZstdError, LZ4 a RuntimeError."""
     size, data = chunk.uncompressed_size, chunk.data
     if size > RECORD_LIMIT:
         raise BagFormatError(f"a chunk has {size} bytes; at most {RECORD_LIMIT} are read")

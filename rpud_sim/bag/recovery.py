@@ -83,7 +83,9 @@ def recover(
         warnings.warn(BagWarning(text), stacklevel=2)
     with whole_bag(out) as bag:
         numbers: dict[tuple[Any, ...], int] = {}
-        found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in chosen.files]
+        found = [
+            _TruncatedFile(file, bag, recovery, numbers).recover(progress) for file in chosen.files
+        ]
         if not any(found):
             raise BagFormatError(f"{torn} has no part of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json_text(recovery.to_mapping())})
@@ -114,10 +116,10 @@ def files_to_recover(torn: str | os.PathLike[str]) -> BagFiles:
     return found._replace(files=distinct.files, warnings=tuple(dict.fromkeys(said)))
 
 
-class _TornFile:
+class _TruncatedFile:
     """File of a bag that is recovered into a new bag.
 
-    ``numbers`` are those of channels in the new bag, by their content.
+    ``numbers`` maps the content of a channel to its number in the new bag.
     """
 
     def __init__(
@@ -132,10 +134,10 @@ class _TornFile:
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
         self._unknown = 0  # messages of undeclared channels
         self._loose = 0  # messages outside of chunks
-        self._index_lost = False  # whether the next message indexes are those of a lost chunk
+        self._index_lost = False  # whether the next message indexes belong to a lost chunk
 
     def recover(self, progress: Callable[[int], object]) -> bool:
-        """Recover the file, and return whether it holds anything of an MCAP file."""
+        """Recover the file, and return whether it contains any part of an MCAP file."""
         expected, listed = self._read_summary()
         with reading(self._path), open_file(self._path) as stream:
             self._file = file = RecordFile(stream)
@@ -287,7 +289,7 @@ class _TornFile:
         return self._number_of[channel_id]
 
     def _add_channel(self, channel: Channel, schema: Schema | None) -> int:
-        """Declare a channel without what no bag can have: the account has the reasons."""
+        """Declare a channel without what a bag cannot hold: the account gets the reasons."""
         metadata = dict(channel.metadata)
         offers: tuple[QosProfile, ...] = ()
         if schema is not None and schema.encoding == "ros2msg":

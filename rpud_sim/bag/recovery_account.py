@@ -8,7 +8,7 @@ from typing import Any
 
 from rpud_sim.bag.metadata import Losses
 
-_SHOWN = 1000  # damages that are kept one by one
+_SHOWN = 1000  # damages that are stored one by one
 
 
 @dataclass
@@ -18,7 +18,7 @@ class TopicRecovery:
     name: str  # of the topic
     type: str  # of its messages
     recovered: int = 0  # messages in the new bag
-    unchecked: int = 0  # those of them without a checksum
+    unchecked: int = 0  # recovered messages without a checksum
     lost: int = 0  # messages that are known to have been in the file
     # messages that the recorder lost; None if they were not counted
     recording_losses: Losses | None = None

@@ -25,7 +25,7 @@ from rpud_sim.messages.errors import BagError, BagFormatError
 if TYPE_CHECKING:
     import pandas
 
-# Sizes are those of decoded messages, as ``Shape.most`` bounds them [bytes].
+# Sizes of decoded messages, as ``Shape.most`` bounds them [bytes].
 BATCH_SIZE = 64 * 2**20  # of a batch
 ARRAY_SIZE = 4 * 2**20  # of messages copied into arrays together: a processor's cache holds them
 TOTAL_SIZE = 256 * 2**20  # of all topics' messages that wait to become batches
@@ -144,7 +144,7 @@ def compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]
 
 
 class Tables:
-    """Tables of the topics of the bag at ``path``; ``errors`` are those of damaged topics."""
+    """Tables of a bag's topics, of the bag at ``path``; ``errors`` is by damaged topic."""
 
     def __init__(
         self,
@@ -288,7 +288,7 @@ def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
 def to_rows(
     columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Sequences]
 ) -> dict[str, np.ndarray]:
-    """Return the values of ``row_columns``, one for each row, from those of each block.
+    """Return the values of ``row_columns``, one for each row, from the values of blocks.
 
     Each row has the values that its block has once. ``sequence`` is the number of the row.
     """
@@ -325,7 +325,7 @@ def _starts(seconds: np.ndarray, fractions: np.ndarray) -> np.ndarray:
 def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.ndarray:
     stamps, periods, firsts = blocks["header.stamp"], blocks["sample_period"], blocks["sequence"]
     offsets: list[np.ndarray] = [np.empty(0, np.int64)]
-    # Blocks of one rate together: the offsets of one block take as long as those of a hundred.
+    # Blocks of one rate together: the offsets of a hundred blocks take as long as one block's.
     edges = np.flatnonzero(np.diff(periods, prepend=np.nan, append=np.nan))
     for start, end in pairwise(edges.tolist()):
         offsets.append(_offsets(float(periods[start]), firsts[start:end], counts[start:end]))
@@ -335,7 +335,7 @@ def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.nd
 def _offsets(period: float, firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Return the times of samples after the first of their block [ns].
 
-    At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
+    At a whole rate each time is rounded as the first one is. Otherwise the times of samples
     would depend on how they are divided into blocks. ``period`` is in s.
     """
     most = int(counts.max())

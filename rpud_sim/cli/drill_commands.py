@@ -202,15 +202,15 @@ def _echo(options: Any) -> ExitCode:
         field = field_getter(options.field, topic.kind) if options.field else None
         cut = None if options.full_length or options.json else CUT
         text = _json_text if options.json else _yaml_text()
-        said = 0  # losses that are reported
+        reported = 0  # lost messages
         for message in _received(listening, topic.name, messages, options):
             value = message if field is None else field(message)
             sys.stdout.write(text(None if value is None else to_plain(value, cut)))
             if not messages:
                 sys.stdout.flush()
-            if topic.lost > said:
-                said = topic.lost
-                print_error("rpud echo", f"{said} messages of {topic.name} were lost")
+            if topic.lost > reported:
+                reported = topic.lost
+                print_error("rpud echo", f"{reported} messages of {topic.name} were lost")
     return ExitCode.DONE
 
 

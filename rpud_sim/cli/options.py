@@ -85,7 +85,7 @@ PARAMETERS: Fields = {
 
 
 def parameter_values(options: Any) -> dict[str, Any]:
-    """Return the given parameters: those of the file, then --regime, then each --set."""
+    """Return the given parameters: from the file, then --regime, then each --set."""
     from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
 
     namespace = getattr(options, "namespace", NAMESPACE).strip("/")

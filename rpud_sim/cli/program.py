@@ -243,7 +243,7 @@ class _Lines:
     def write(self, text: str) -> None:
         line = text.strip("\r\n ")
         if line:
-            with suppress(BrokenPipeError):  # the work continues, whoever has stopped reading
+            with suppress(BrokenPipeError):  # the work continues even if nobody reads its output
                 print(line, file=sys.stderr, flush=True)
 
     def flush(self) -> None:

@@ -1,6 +1,6 @@
 """``rpud run`` and ``rpud watch``: drill in real time, and show drills and bags in a browser.
 
-Recorder and page are processes of their own: neither a slow disk nor a page makes the drill late.
+Recorder and page are separate processes: neither a slow disk nor a page makes the drill late.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def drill(
 
 
 def _on_clock(node: DrillNode) -> bool:
-    """Whether its time is that of /clock."""
+    """Whether its simulation time equals the time on /clock."""
     follows: bool = node.get_parameter("use_sim_time").value
     return follows or node.settings.publish_clock
 

@@ -330,7 +330,7 @@ class Borehole:
         mount_position: float | None,
         disturbances: Disturbances,
     ) -> None:
-        """Drill for one step; ``mount_position`` is that of ``MountState``, None without a feed."""
+        """Drill for one step; ``mount_position`` is from ``MountState``, None without a feed."""
         start = self._depth
         layer = self._strata.layers[self._layer]
         drills = self._drills(percussion)

@@ -33,7 +33,7 @@ ROCKS: Mapping[str, Mapping[str, float]] = {
     name: dict(zip(_PROPERTIES, values, strict=True))
     for name, *values in (
         # Compacted JSC-1A. Strength and specific energy are assumed: a granular soil has no
-        # compressive strength of its own; a compacted one bears some 0.1 MPa under a small bit.
+        # compressive strength by itself; a compacted one bears some 0.1 MPa under a small bit.
         ("regolith", 5e6, 1e5, 0.0, 1.0, 0.6),
         # Of the others the specific energy is the strength.
         ("chalk", 10e6, 10e6, 0.002, 0.3, 0.4),
@@ -197,7 +197,7 @@ def _strata_at(content: Cursor) -> Strata:
 class StrataParameters(ParameterGroup):
     """Choice of the strata.
 
-    A file is read when this is made, and its content in one line takes the place of its path.
+    A file is read when this is made, and its content in one line replaces its path.
     """
 
     strata: str = text(
@@ -217,7 +217,7 @@ class StrataParameters(ParameterGroup):
     found: ClassVar[Strata | None]  # the strata; None if none are chosen
 
 
-# Said of a hole at its greatest depth.
+# Message about a hole at its greatest depth.
 NO_DEEPER = "the hole is as deep as the drill tool is long: it gets no deeper"
 # The penetration rate is the mean over this time [ns].
 RATE_WINDOW = SECOND

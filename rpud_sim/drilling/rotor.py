@@ -16,7 +16,7 @@ class Resistance(NamedTuple):
     cutting: float = 0.0  # that cuts the rock
     friction: float = 0.0  # of the wear flat on the rock
     flutes: float = 0.0  # of cuttings in the flutes
-    faults: float = 0.0  # of binding and of rock that protrudes into the flutes
+    faults: float = 0.0  # of binding and of protruding rock in the flutes
 
 
 NO_RESISTANCE = Resistance()
@@ -34,7 +34,7 @@ class RotorWork:
     cutting: float = 0.0  # that cut the rock
     friction: float = 0.0  # of the wear flat on the rock
     flutes: float = 0.0  # on cuttings in the flutes
-    faults: float = 0.0  # against binding and rock that protrudes into the flutes
+    faults: float = 0.0  # against binding and protruding rock in the flutes
     kinetic: float = 0.0  # energy of the rotation now
 
     @property
@@ -179,7 +179,7 @@ class Rotor:
                 end = 0.0  # rounding
         turned = steady * time + away * once
         squared = steady * steady * time + 2.0 * steady * away * once + away * away * twice
-        # Integrals of rate and of its square give that of torque times rate.
+        # The integral of torque times rate follows from the integrals of rate and squared rate.
         return turned, end, self._slope * (stack_rate * turned - squared)
 
 

@@ -25,7 +25,7 @@ _LIBC = ctypes.CDLL(None)
 
 
 class ChildProcess:
-    """Process in a session of its own: Ctrl-C does not reach it.
+    """Process in a separate session: Ctrl-C does not reach it.
 
     Its output goes to a file, or stays in memory; with ``errors_apart`` its errors do not belong to
     it. It reads from the descriptor ``source``. The kernel interrupts it when this process ends.

@@ -2,8 +2,8 @@
 
     max_loss: float = option(1.0, "seconds of messages that a crash may cost", POSITIVE_SECONDS)
 
-A number has a ``Quantity``, whose unit is the default of its ``metavar``. Further words are those
-of ``argparse``, and ``flag``, the name of an option that differs from its field.
+A number has a ``Quantity``, whose unit is the default of its ``metavar``. Further keywords go to
+``argparse``; ``flag`` is the name of an option that differs from its field.
 """
 
 from __future__ import annotations

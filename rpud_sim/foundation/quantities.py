@@ -25,7 +25,7 @@ _MOST_LISTED = 30  # names in a message
 class ExpectedError(Exception):
     """Base of the errors of this package: failure that ends a command with its text as one line.
 
-    ``code`` is the exit code of the command; that of the class where it is not given.
+    ``code`` is the exit code of the command, by default the one of the class.
     """
 
     code = 1  # 2 for a usage error
@@ -53,8 +53,8 @@ def shown(value: Any) -> str:
         return "a number too long to show"
 
 
-# Characters of a name, and of an explaining text: longer ones are rejected or cut off, for
-# whoever reaches the drill could fill its memory with them.
+# Characters of a name, and of an explaining text: longer ones are rejected or cut off, for any
+# node that reaches the drill could fill its memory with them.
 LONGEST_NAME = 256
 LONGEST_TEXT = 4096
 

@@ -82,7 +82,7 @@ def list_of(
 
 
 def named(reader: Reader) -> Callable[[Cursor], dict[str, Any]]:
-    """Return the reader of a mapping with names of the user's own, each a word or a phrase."""
+    """Return the reader of a mapping with names that the user chooses, each a word or a phrase."""
 
     def read_named(cursor: Cursor) -> dict[str, Any]:
         entries = cursor.mapping().items()

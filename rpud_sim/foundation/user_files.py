@@ -18,7 +18,7 @@ _READ = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
 
 @contextmanager
 def named_errors(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Give each OSError the path: those of reading and writing an open file have none."""
+    """Give each OSError the path, which errors in reading and writing an open file lack."""
     try:
         yield
     except OSError as error:

@@ -158,7 +158,7 @@ class Cursor:
     """Value in YAML and its place."""
 
     value: Any
-    file: str  # its name, or that of an option
+    file: str  # name of the file or of an option
     kind: type[ValueError] = ParameterError  # class of the errors
     lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown

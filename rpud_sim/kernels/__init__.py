@@ -1,1 +1,1 @@
-"""Kernels: how the model is compiled, kept in files, and found again by another process."""
+"""Kernels: how the model is compiled, stored in files, and found again by another process."""

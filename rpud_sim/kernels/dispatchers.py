@@ -1,6 +1,6 @@
 """Compilation of kernels with Numba: one piece of machine code for all that a kernel calls.
 
-Numba compiles each called function to machine code of its own, once for each combination of types
+Numba compiles each called function to separate machine code, once for each combination of types
 and literals, links it into the caller and optimises it again. Here the rules that a kernel calls
 are only lowered to intermediate code, once for all integers, and optimised in the kernel. That
 takes a third of the time and gives the same bits.
@@ -29,7 +29,7 @@ from numba.core.serialize import dumps
 from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, this_target
 
 # No fastmath: the same commands must give the same bits, in one call or in many. Kernels make no
-# arrays, so that those of the caller need not be counted as they are handed on.
+# arrays, so that references to the caller's arrays need not be counted.
 _OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 
 # Parts of the mangled names of rules that are compiled into their callers: small ones, whose calls
@@ -72,9 +72,9 @@ def _codegen() -> _Codegen:
 
 
 class _RuleLibrary(JITCodeLibrary):
-    """Intermediate code to link into kernels; never machine code of its own."""
+    """Intermediate code to link into kernels; never separate machine code."""
 
-    # Numba sets the environment of loaded code here; that of a rule belongs to the kernel's code.
+    # Numba sets the environment of loaded code here; a rule's is part of the kernel's code.
     codegen = SimpleNamespace(set_env=lambda name, environment: None)
 
     def _optimize_final_module(self) -> None:
@@ -159,8 +159,8 @@ class _Files(_Cache):
         content = self._store.read(name := self._name(sig))
         try:
             return None if content is None else _load(content, target_context)
-        except Exception as error:  # the digest reports that it is whole, not that it is a kernel
-            self._store.refuse(name, error)
+        except Exception as error:  # the digest shows that it is complete, not that it is a kernel
+            self._store.reject(name, error)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -208,13 +208,13 @@ def _load(content: Any, target_context: Any) -> Any:
     )
 
 
-def kernel_compiler(store: KernelStore, room: Path) -> Callable[[Callable[..., Any]], Any]:
+def kernel_compiler(store: KernelStore, package: Path) -> Callable[[Callable[..., Any]], Any]:
     """Return the decorator of functions that are compiled when they are first called.
 
-    Every kernel comes from the sources in the folder ``room``, beside its own file.
+    Every kernel comes from the sources in the folder ``package``, and from its own file.
     """
     own = tuple(sorted(Path(__file__).parent.glob("*.py")))
-    shared = tuple(sorted(room.resolve().glob("*.py")))
+    shared = tuple(sorted(package.resolve().glob("*.py")))
 
     def compiled(function: Callable[..., Any]) -> Any:
         if config.DISABLE_JIT:

@@ -28,7 +28,7 @@ from numba.core import config
 from numba.core.codegen import get_host_cpu_features
 
 # Level of the x86-64 psABI that Intel has since Haswell (2013) and AMD since Excavator (2015). The
-# kernels fuse nothing. Those of level 2 are 4 to 7 % slower: their instructions overwrite an
+# kernels fuse nothing. With level 2 they are 4 to 7 % slower: its instructions overwrite an
 # operand.
 BASELINE = "x86-64-v3"
 
@@ -46,7 +46,7 @@ class Target:
     """Processor that kernels are compiled for."""
 
     cpu: str  # name, as LLVM knows it
-    features: str = ""  # instructions beyond those of the name, as LLVM writes them
+    features: str = ""  # further instructions than ``cpu`` implies, as LLVM writes them
     # what this processor lacks of the baseline; empty if the target is the baseline
     lacking: tuple[str, ...] = ()
 
@@ -70,8 +70,8 @@ def this_target() -> Target:
 def notice(target: Target, store: KernelStore) -> str:
     """Return the line for a process that has to compile kernels."""
     place = store.place()
-    if store.refused:
-        cause = store.refused
+    if store.rejection:
+        cause = store.rejection
     elif target.lacking:
         lacking = ", ".join(target.lacking)
         cause = f"this processor lacks {lacking}, which the installed kernels ({BASELINE}) need"
@@ -79,10 +79,10 @@ def notice(target: Target, store: KernelStore) -> str:
         versions = f"Python {platform.python_version()}, Numba {numba.__version__}, {target.cpu}"
         cause = f"no compiled kernels for these sources and {versions} were found"
     if place is not None:
-        fate = f"they are kept in {place}"
+        fate = f"they are stored in {place}"
     else:
         folders = " nor ".join(str(folder) for folder in store.folders)
-        fate = f"they cannot be kept, because nothing can be written to {folders}"
+        fate = f"they cannot be stored, because nothing can be written to {folders}"
     return f"compiling the model takes some ten seconds: {cause}; {fate}"
 
 
@@ -167,7 +167,7 @@ class KernelStore:
         self.found: list[Path] = []  # files that were read
         self.written: list[Path] = []  # files that were written
         self.lost: list[str] = []  # names of those that could not be written anywhere
-        self.refused = ""  # why the latest file was not used, a line; empty if none was
+        self.rejection = ""  # why the latest rejected file was not used, a line; empty without one
 
     def read(self, name: str) -> object | None:
         """Return the content of a kernel's file; None if there is none that is whole."""
@@ -186,9 +186,9 @@ class KernelStore:
                 return content
         return None
 
-    def refuse(self, name: str, error: Exception) -> None:
+    def reject(self, name: str, error: Exception) -> None:
         """Note that the kernel that was read last cannot be loaded."""
-        self.refused = f"{self.found.pop().with_name(name)} is not used: {error!r}"
+        self.rejection = f"{self.found.pop().with_name(name)} is not used: {error!r}"
 
     def write(self, name: str, body: bytes) -> Path | None:
         """Keep a kernel and delete its previous versions; return its file, None without a place."""
@@ -205,7 +205,7 @@ class KernelStore:
                     os.replace(part, folder / name)
                 finally:
                     part.unlink(missing_ok=True)
-                self._drop_former(folder, name)
+                self._drop_previous(folder, name)
                 self.written.append(folder / name)
                 return folder / name
         self.lost.append(name)
@@ -227,14 +227,14 @@ class KernelStore:
         try:
             yield
         except _RefusedError as error:
-            self.refused = str(error)
+            self.rejection = str(error)
         except OSError:
             return
 
     @staticmethod
-    def _drop_former(folder: Path, name: str) -> None:
+    def _drop_previous(folder: Path, name: str) -> None:
         prefix = name.removesuffix(SUFFIX).rpartition(".")[0]
-        for former in folder.glob(f"{prefix}.*{SUFFIX}"):
-            if former.name != name:
+        for previous in folder.glob(f"{prefix}.*{SUFFIX}"):
+            if previous.name != name:
                 with contextlib.suppress(OSError):
-                    former.unlink()
+                    previous.unlink()

@@ -181,7 +181,7 @@ def joined(batches: Sequence[Batch]) -> Batch:
 def messages_of(batches: Sequence[Batch]) -> Iterator[Message]:
     """Yield the messages of batches in the order of their log times.
 
-    Those of one time keep the order of the buffers, and of their places there.
+    Messages with equal times keep the order of the buffers, and of their places there.
     """
     if not batches:
         return
@@ -206,7 +206,7 @@ def messages_of(batches: Sequence[Batch]) -> Iterator[Message]:
 
 
 def ordered_by_topic(batches: Iterable[Batch]) -> Iterator[Batch]:
-    """Yield batches of which those of each topic have the order of log times."""
+    """Yield batches; within each topic they have the order of log times."""
     by_topic: dict[str, list[Batch]] = {}
     for batch in batches:
         by_topic.setdefault(batch.topic, []).append(batch)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
 
 # Limits, so that a few bytes cannot take all memory.
-FIELDS_LIMIT = 100_000  # greatest number of fields of a type, with those of its members
+FIELDS_LIMIT = 100_000  # greatest number of fields of a type, including its members' fields
 DECODED_LIMIT = 256 * 2**20  # greatest decoded message, with its text in exported files [bytes]
 
 HEAD = 4  # bytes before the first field: the encoding of a message
@@ -83,7 +83,7 @@ class Codec:
         return str(store.hash_rihs01(self.type))
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Return a serialized message; values and errors are those of ``Encoder.encode``."""
+        """Return a serialized message; values and errors are as in ``Encoder.encode``."""
         return self.encoder.encode(fields)
 
     def decode(self, data: bytes) -> Any:

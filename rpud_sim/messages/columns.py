@@ -79,7 +79,7 @@ class Column:
 
     @property
     def empty(self) -> np.ndarray | Sequences:
-        """Values of no message, in the form of ``kind``; those of a sequence are ``Sequences``."""
+        """Values of no message, in the form of ``kind``: for a sequence, ``Sequences``."""
         if self.kind is Kind.SEQUENCE:
             return Sequences.of([], self.dtype)
         return np.empty((0, self.length) if self.kind is Kind.ARRAY else 0, self.dtype)
@@ -381,7 +381,7 @@ class _Walk:
 
 
 def _column(column: Column, fields: Mapping[str, np.ndarray | Sequences]) -> np.ndarray | Sequences:
-    """Return the values of a column from those of fields by their paths."""
+    """Return the values of a column from the values of fields, by their paths."""
     if column.kind in (Kind.TIME, Kind.DURATION):
         seconds, rest = (fields[f"{column.attribute}.{part}"] for part in ("sec", "nanosec"))
         assert isinstance(seconds, np.ndarray)
@@ -404,7 +404,7 @@ def _numbers_of(column: Column, values: np.ndarray) -> np.ndarray:
 
 
 def _column_of(column: Column, values: list[Any]) -> np.ndarray | Sequences:
-    """Return the values of a column from those of decoded messages."""
+    """Return the values of a column from the values in decoded messages."""
     if not values:
         return column.empty
     if column.kind in (Kind.TIME, Kind.DURATION):

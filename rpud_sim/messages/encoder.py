@@ -87,7 +87,7 @@ class Members(NamedTuple):
 # Type of a member: the code of a number or text, a message, or a sequence.
 Node: TypeAlias = "str | Members | Sequence"
 
-# Appends values of a message to those of the struct, and lengths to those of its layout.
+# Appends the values of a message to the struct's values, and its lengths to the layout's.
 Flattener = Callable[[Any, "list[Any]", "list[int]"], None]
 
 

@@ -127,7 +127,7 @@ class DecayingSinCos(NamedTuple):
     change: float  # of the cosine since the start of the segment, without cancellation
 
 
-# That of every oscillation at its start, and of one that rests.
+# Of every oscillation at its start, and of a resting one.
 NO_SWING = DecayingSinCos(1.0, 0.0, 0.0)
 
 # Up to this angle and decay a swing is near [rad, 1].

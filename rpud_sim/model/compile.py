@@ -1,4 +1,4 @@
-"""Compilation of the kernels: kept in files, without the GIL, in strict IEEE arithmetic."""
+"""Compilation of the kernels: stored in files, without the GIL, in strict IEEE arithmetic."""
 
 import struct
 import threading
@@ -34,7 +34,7 @@ def floats(*names: str) -> list[Any]:
 
 
 def compilation_notice() -> str:
-    """Return the line that explains why the model is compiled, and where the kernels are kept."""
+    """Return the line that explains why the model is compiled, and where the kernels are stored."""
     return notice(this_target(), STORE)
 
 

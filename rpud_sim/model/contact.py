@@ -111,7 +111,7 @@ def release_time(cosine, sine, angular_frequency, gravity):
     """Time until the contact force returns to zero [s]; infinite for a mass at rest on the tool.
 
     The deformation about its rest is cosine cos(w s) + sine sin(w s). The force vanishes where the
-    acceleration reaches that of gravity: after a blow on a tool at rest, about g m_eff / (k v)
+    acceleration reaches gravity: after a blow on a tool at rest, about g m_eff / (k v)
     after eq. (39), v being the common velocity. That is 105 ps for the default drill at 3 m/s,
     and infinitely late where the mass stays on the tool.
     """
@@ -149,7 +149,7 @@ def half_sine_impulse(mass_1, mass_2, restitution, closing_velocity, spring_rate
     """Estimate the force of a collision: peak force [N], duration [s] and impulse [N s].
 
     An addition to the paper, whose Section III has none: the impulse of eq. (13) as a half sine, as
-    long as that of the two masses on the drill tool's spring.
+    long as the half sine of the two masses on the drill tool's spring.
     """
     reduced_mass = mass_1 * mass_2 / (mass_1 + mass_2)
     impulse = (1.0 + restitution) * reduced_mass * closing_velocity

@@ -98,7 +98,7 @@ STATE = record_type(
         ("yields", np.uint8),  # one of the YIELDS_* of yielding.py in the open segment
         *floats("drive_force", "loss_force"),  # on it there [N]
         ("fine", np.uint8),  # whether drive and losses act in small steps, see resonator.py
-        *floats("missing"),  # displacement that they owe the vibration [m]
+        *floats("missing"),  # displacement that they have not given the vibration yet [m]
         *floats("ahead"),  # impulse of the drive that acted ahead of its time [N s]
         *floats("given"),  # impulse on the free mass by such a step at the last event [N s]
         *floats("drawn", "heat", "work", "pending"),

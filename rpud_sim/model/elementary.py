@@ -124,7 +124,7 @@ def sin_cos_cycles(cycles):
 def sin_cos(angle):
     """Return sine and cosine of an angle [rad], within 1.6e-16.
 
-    Beyond 2.6e7 rad they are those of an angle within 2 ulp. Angles of the engine end with a
+    Beyond 2.6e7 rad they belong to an angle within 2 ulp. Angles of the engine end with a
     segment, after 10 ms: few reach a thousand.
     """
     if not abs(angle) <= _GREATEST_ANGLE:

@@ -259,7 +259,7 @@ class Engine:
         resonance weight on bit, voltage [V] and drive frequency. Positions, velocities and phase
         stay continuous; the amplitude changes at the next zero of the vibration. The rock takes
         hold of a free tool step by step (``seating``), unless it ``touches`` it and the actuator is
-        behind. The origin of all displacements passes the bodies by the way ``passed`` [m].
+        behind. The origin of all displacements passes the bodies by ``passed`` [m].
         """
         self.advance(seconds, fraction)
         if drill != self._target:

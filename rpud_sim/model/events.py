@@ -246,7 +246,7 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     """End the open segment early, continue with what is new; return the number of finished impacts.
 
     New are weight on bit [N], amplitude [m] (voltage [V] of a resonance), frequency and resonance
-    frequency [Hz], the way by which the origin of all displacements passes the bodies [m], and
+    frequency [Hz], the distance by which the origin of all displacements passes the bodies [m], and
     whether the drill tool meets rock at zero.
     """
     state = states[0]

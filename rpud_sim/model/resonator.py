@@ -183,7 +183,7 @@ def apply_impact(drill, state, impulse):
 
 @compiled
 def apply_hold_impulse(drill, state, v_np, blow_impulse):
-    """Take the impulse of bodies that were given one velocity, joining that of the blow [N s].
+    """Take the impulse of bodies that got one velocity, joining the impulse of the blow [N s].
 
     The vibration keeps its velocity.
     """

@@ -44,7 +44,7 @@ END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT = 0, 1
 END_ACTUATOR_RELEASE, END_DRILL_TOOL_RELEASE, END_DRILL_TOOL_REST = 2, 3, 4
 END_AMPLITUDE, END_LIMIT = 5, 6
 
-# Stands for a slow part that is not known.
+# Placeholder for an unknown slow part.
 NO_SLOW_PART = -math.inf
 
 
@@ -132,7 +132,7 @@ def force_of_swing(segment, swing):
 
 @compiled
 def guard_at(segment, end, time):
-    """The guard that ends a segment in the given way; strike.py has those of the free mass."""
+    """Guard of the given end of a segment; strike.py has the guards of the free mass."""
     if end == END_DRILL_TOOL_IMPACT:
         return gap_to_drill_tool(segment, time)
     if end == END_DRILL_TOOL_REST:
@@ -253,7 +253,7 @@ def sooner(state, segment, end, duration, event):
 
 @compiled
 def sooner_release(state, segment, duration, event):
-    """Return the given duration and event, or those of the three bodies' contact if sooner.
+    """Return the given duration and event, or the release of the three bodies if sooner.
 
     Either force may vanish long before the other: both are followed by turns, in growing spans.
     """

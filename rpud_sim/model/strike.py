@@ -38,7 +38,7 @@ _RISING = 0.2
 _FALLING = 0.45
 
 # Angle omega_n s within which a decaying swing is the first five terms of its series [rad]. The
-# next one is less than 3e-16 of the swing, and that of its rate 1e-12 of the greatest rate.
+# next term is less than 3e-16 of the swing, and in its rate less than 1e-12 of the greatest rate.
 _SHORT = 2e-3
 _SIXTH = 1.0 / 6.0
 
@@ -54,7 +54,7 @@ _ROUND = 6755399441055744.0  # 1.5 * 2**52
 def _vibrating_step(value, slope, sine, cycles, period, peak, slow_second):
     """Return the ``Step`` of a gap that a vibrating tip bends, by at most ``peak`` = Omega^2 A.
 
-    ``sine`` is that of the vibration's phase ``cycles``, ``slow_second`` bounds all else that
+    ``sine`` is the sine of the vibration's phase ``cycles``, ``slow_second`` bounds all else that
     bends.
     """
     # From -1/4 to 3/4, so that the sine rises up to 1/4 and falls from there on.

@@ -37,7 +37,7 @@ LEAST_FORCE, GREATEST_FORCE = 1e-6, 1e12
 CLASSES_PER_DECADE = 1000
 CLASSES = 18 * CLASSES_PER_DECADE + 1  # 18 decades
 
-QUANTILE = 0.99  # of the contact forces, that is one of the figures
+QUANTILE = 0.99  # of the contact forces, one of the metrics
 
 # Sums of the part of a run in progress: its account, its impulse, and of its first segment that is
 # not yet added the time from which on it counts [s], and u_np there [m].

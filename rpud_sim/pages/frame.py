@@ -34,7 +34,7 @@ _ID = re.compile(r'(\bid="|url\(#|href="#)')
 
 @dataclass(frozen=True)
 class Picture:
-    """Drawing of a figure as SVG; its colours are those of the page, light or dark."""
+    """Drawing of a figure as SVG, in the colours of the page, light or dark."""
 
     title: str  # name of what it shows, with its unit
     alt: str  # sentence that shows what is seen, for those who do not see it
@@ -106,7 +106,7 @@ def _figures(numbers: count[int], pictures: Sequence[Picture], least: float = 20
     drawn = []
     for each in pictures:
         scrolled = _SCROLLED.format(each.title) if each.width > _NARROW else ""
-        # Pictures of one page have ids of their own.
+        # Each picture of a page needs different ids.
         content = Markup(_ID.sub(rf"\g<1>p{next(numbers)}-", each.content))
         size = each.width, each.height, round(min(0.7 * each.width, 720.0))
         drawn.append(_FIGURE.format(each.title, scrolled, *size, each.alt, content))

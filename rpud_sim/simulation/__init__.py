@@ -18,7 +18,7 @@ Errors are a ``ParameterError``, or its subclass ``FaultError``, for unusable va
 and change without notice.
 """
 
-# The public face only: modules of this package import from each other, never from here.
+# The public API only: modules of this package import from each other, never from here.
 from rpud_sim.drilling.mount import MountParameters, MountState
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import RockParameters, preset_layer

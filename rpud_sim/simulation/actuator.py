@@ -28,7 +28,7 @@ TRACKING_INTERVAL = 1_000_000
 class ActuatorParameters(ParameterGroup):
     """Parameters of the actuator, in SI units.
 
-    The paper gives none of them: the resonance frequency is that of its drive, the others are
+    The paper gives none of them: the resonance frequency is its drive frequency, the others are
     assumed; docs/explanation/actuator.md explains why.
     """
 
@@ -262,7 +262,7 @@ class Actuator:
         """Follow the phase of the current; its lag by the decay time is compensated."""
         if not self._locked or self._voltage == 0.0 or envelope == 0.0:
             return
-        # Below the resonance the current leads: the phase is that of a detuning, in cycles per
+        # Below the resonance the current leads: its phase gives the detuning, in cycles per
         # decay time.
         bandwidth = self._parameters.tracking_bandwidth
         phase = complex_phase(envelope)

@@ -152,7 +152,7 @@ _COMMANDED: Mapping[str, Callable[[Any], Action]] = {
 
 
 def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> PlannedChanges:
-    """Return the changes of ``--set``, values by name; those of ``fixed`` may be given too.
+    """Return the changes of ``--set``, values by name; names in ``fixed`` may be given too.
 
     They are checked with the other values of the run when they are carried out.
     """

@@ -347,7 +347,7 @@ class ParameterFile:
                 _check_types(each)
         self.values: dict[str, Any] = {}
         self.of_ros: list[str] = []  # names of given parameters that ROS itself declares
-        self.foreign: list[str] = []  # names of those of other nodes
+        self.foreign: list[str] = []  # names of other nodes' parameters
         own = [name for name in sections if _is_of(name, node)]
         others = ", ".join(map(shown_name, sections)) or "no ros__parameters"
         # Error if nothing is for the node.

@@ -38,7 +38,7 @@ class Control:
         self._share = 1.0  # of the commands that acts since the last ``apply_share``
         self.configure(settings)
         self.active = active  # whether commands act; read-only
-        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
+        # whether commands stopped arriving, so that the watchdog ramps them to zero; read-only
         self.commands_lost = False
 
     def configure(self, settings: Settings) -> None:

@@ -61,7 +61,7 @@ class EnergyAccount(_Terms):
     release: float = 0.0  # motion and strain of the drill tool that the rock takes after a contact
     # lost, or won, by the resolution of contacts (``tolerances.py``)
     contact_resolution: float = 0.0
-    stored: float = 0.0  # in motion and springs at the end, less that at the start
+    stored: float = 0.0  # increase in motion and springs since the start
     electrical: float = 0.0  # drawn by the actuator; NaN where its model has no power
 
     @property
@@ -105,7 +105,7 @@ class FeedAccount(_Terms):
     spring_changes: float = 0.0  # of the load spring's rate, under changed parameters
     guide_friction: float = 0.0  # lost in the friction of the mount's guide
     host_slip: float = 0.0  # lost where the host slips by the force of the arm
-    arm_stored: float = 0.0  # in the arm's spring at the end, less that at the start
+    arm_stored: float = 0.0  # increase in the arm's spring since the start
     penetration_work: float = 0.0  # of the load spring on the rock, while the hole gets deeper
     # lost in the damping of the load spring by the mount's motion, beside ``load_damper`` of the
     # ``EnergyAccount``
@@ -113,8 +113,8 @@ class FeedAccount(_Terms):
     # to the springs of the drill while the mount withdraws from bodies that the rock does not hold;
     # in ``changes`` of the ``EnergyAccount``
     withdrawal_work: float = 0.0
-    # W^2 / (2 k_1) - W u_np of the load spring at the end, less that at the start; the rest
-    # of its energy is in ``EnergyAccount.stored``
+    # increase of W^2 / (2 k_1) - W u_np of the load spring since the start; the rest of its
+    # energy is in ``EnergyAccount.stored``
     preload_stored: float = 0.0
     # work of the mount that the percussion does not take, since force and place of the mount are
     # constant for it within a step, and the restoring spring does not pull at the mount

@@ -250,7 +250,7 @@ def _noise(stage: Stage, path: FieldPath, value: float) -> float:
 
 KINDS: dict[str, FaultKind] = {
     "free_mass_jammed": FaultKind(
-        "the free mass is wedged to the drill tool and strikes it no more",
+        "the free mass is wedged to the drill tool and no longer strikes it",
         effects={"jammed": _true},
     ),
     "lost_preload": FaultKind(
@@ -313,7 +313,7 @@ KINDS: dict[str, FaultKind] = {
         effects={"actuator_restitution": operator.mul, "drill_tool_restitution": operator.mul},
     ),
     "generator_lock_loss": FaultKind(
-        "the generator tracks no more and runs at the commanded frequency",
+        "the generator stops tracking and runs at the commanded frequency",
         needs=(_tracking,),
         effects={"lock_lost": _true},
     ),
@@ -334,7 +334,7 @@ KINDS: dict[str, FaultKind] = {
     "corkscrewing": FaultKind(
         "rock protrudes into the flutes, along which the tool screws itself in",
         needs=(_rotation, _hole),
-        magnitude=_above_zero("N m", "torque of the rock that protrudes", 100.0),
+        magnitude=_above_zero("N m", "torque of the protruding rock", 100.0),
         default=0.02,
         effects={"screw_torque": operator.add},
     ),

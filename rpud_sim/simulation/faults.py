@@ -45,7 +45,7 @@ class Fault:
     kind: str  # one of ``KINDS``
     channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one
     # in the unit of the kind; NaN means the kind's default. Kinds without a magnitude
-    # take NaN or zero; it is kept as zero.
+    # take NaN or zero; it is stored as zero.
     magnitude: float = math.nan
 
     def __post_init__(self) -> None:
@@ -160,33 +160,33 @@ def _most(parameters: Parameters, name: str) -> float:
     return QUANTITIES[name].maximum
 
 
-# Cleared faults that are kept; older ones are only counted.
+# Greatest number of stored cleared faults; older ones are only counted.
 MOST_CLEARED = 1000
 
 
 @dataclasses.dataclass(frozen=True)
 class FaultRecord:
-    """Time during which a fault lasted: the ground truth."""
+    """Time during which a fault was active: the ground truth."""
 
     number: int  # counts the injected faults from 1
     fault: Fault  # that was injected
     onset: int  # simulation time at which it began [ns]
-    clear: int | None = None  # simulation time at which it ended, None while it lasts [ns]
+    clear: int | None = None  # simulation time at which it ended, None while active [ns]
 
     def lasts_at(self, time: int) -> bool:
-        """Whether it lasts at a simulation time [ns]: from its onset on, before its end."""
+        """Whether it is active at a simulation time [ns]: from its onset on, before its end."""
         return self.onset <= time and (self.clear is None or time < self.clear)
 
 
 class FaultLedger:
-    """Faults of a run: those that last, and those that ended.
+    """Faults of a run: active ones and ended ones.
 
     Times are integer nanoseconds of simulation time.
     """
 
     def __init__(self) -> None:
         self._number = 0
-        # that last, in order of injection; the same object until one begins or ends; read-only
+        # in order of injection; the same object until one begins or ends; read-only
         self.active: tuple[FaultRecord, ...] = ()
         self._cleared: deque[FaultRecord] = deque(maxlen=MOST_CLEARED)
         self.forgotten = 0  # cleared faults that ``records`` no longer contains; read-only
@@ -197,7 +197,7 @@ class FaultLedger:
         return tuple(sorted((*self._cleared, *self.active), key=lambda record: record.number))
 
     def since(self, time: int) -> tuple[FaultRecord, ...]:
-        """Return faults that last or ended after a time, in order of injection."""
+        """Return faults that are active or ended after a time, in order of injection."""
         if not any((record.clear or 0) > time for record in self._cleared):
             return self.active
         return tuple(each for each in self.records if each.clear is None or each.clear > time)
@@ -242,7 +242,7 @@ class SignalFaults:
         """Return the batches that a channel publishes instead of one, in order; maybe none.
 
         A healthy channel publishes the same one, whose fields must not change from now on. Times
-        [ns] do not go back. ``records`` are at least those that last; others are ignored.
+        [ns] do not go back. ``records`` include all active faults; others are ignored.
         """
         own = [record for record in records if record.fault.channel == batch.topic]
         if not own and batch.topic not in self._stages:

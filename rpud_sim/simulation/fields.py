@@ -139,7 +139,7 @@ def process_fields(
 ) -> Iterator[tuple[slice, Fields]]:
     """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.
 
-    All messages of columns have the same texts, so those of each layer come by themselves.
+    All messages of columns have the same texts, so each layer has separate columns.
     """
     rows = [_VALUES[topic](getattr(state, topic)) for state in states]
     first = 0
@@ -190,13 +190,13 @@ def wrench_fields(samples: Samples, stamps: np.ndarray, states: States = ()) -> 
 
 
 def joint_state_fields(samples: Samples, stamps: np.ndarray, states: States = ()) -> Fields:
-    """Columns of ``sensor_msgs/JointState`` for ``JOINTS``, then those of rotation and feed.
+    """Columns of ``sensor_msgs/JointState`` for ``JOINTS``, then for rotation and feed.
 
     The effort is the force between mount and body, positive toward the rock: the reacting force on
     the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
     the model. The feed's joint is its drive, as an encoder shows it: the arm may yield beyond.
-    Its effort is the force of the arm on the mount [N], that of the rotation the torque of the
-    drive on the rotor [N m].
+    Its effort is the force of the arm on the mount [N]. The effort of the rotation is the torque of
+    the drive on the rotor [N m].
     """
     joints: dict[str, list[Any]] = {
         joint: [getattr(samples, channel) if channel else 0.0 for channel in channels]
@@ -247,7 +247,7 @@ def waveform_fields(samples: Samples, cuts: np.ndarray, sample_rate: int, origin
 
 
 def trajectory_cuts(segments: np.ndarray) -> np.ndarray:
-    """Return the numbers of the segments whose constants differ from those of the one before."""
+    """Return the numbers of the segments whose constants differ from the segment before."""
     constants = segments.view(np.float64).reshape(len(segments), -1)[:, _CONSTANTS]
     return np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
 
@@ -256,7 +256,7 @@ def trajectory_fields(segments: np.ndarray, cuts: np.ndarray, sequence: int, ori
     """Columns of ``rpud_msgs/Trajectory`` for finished segments.
 
     ``cuts`` are the number of the first segment of each message, all with the same constants, and
-    of all; ``sequence`` is that of the first segment since the start.
+    the number of all; ``sequence`` is the number of the first segment since the start.
     """
     first = segments[cuts[:-1]]
     starts = first["start_seconds"] * SECOND

@@ -101,12 +101,12 @@ class Beginning:
 
     @staticmethod
     def drawn(settings: Settings, seed: int | None = None) -> Beginning:
-        """Return the beginning that a seed draws: a given one, else that of the settings.
+        """Return the beginning that a seed draws: a given seed, else the seed of the settings.
 
         Each may be ``NO_SEED``.
 
         It draws the initial phase, the values of the scenario and the noise of faulty signals.
-        Without one the phase is zero, the scenario has its own, and the noise is that of seed 0.
+        Without one the phase is zero, the scenario has its own, and the noise is as with seed 0.
         """
         if seed is not None:
             seed = int(SEED_OR_NONE.check("seed", seed))

@@ -207,7 +207,7 @@ class Run:
         return ()
 
     def watch(self) -> bool:
-        """Put the share of the commands that acts now into force; return whether that changes."""
+        """Apply the share of the commands that acts now; return whether it changes."""
         applied = self._simulation.applied
         return self._control.apply_share() or self._simulation.applied is not applied
 
@@ -369,7 +369,7 @@ class Run:
         return number
 
     def _configure(self, settings: Settings) -> None:
-        """Put settings into force that differ only in changeable parameters."""
+        """Apply settings that differ only in changeable parameters."""
         self.settings = settings
         self._control.configure(settings)
         self._simulation.configure(settings.configuration)
@@ -390,7 +390,7 @@ class Run:
             self._put(command)
 
     def _put(self, command: Command) -> None:
-        """Put a command into force, with an entry in the journal if that changes anything."""
+        """Apply a command, with an entry in the journal if that changes anything."""
         if isinstance(command, MountMotion):
             command = command.acting(self.time)
         if self._simulation.apply(command):

@@ -133,8 +133,8 @@ def _fill_sum(values, factor, terms, sums):
 def _fill_flight(segment, begin, end, channels):
     """Fill the channels from one time to another, in free motion near its start; given its times.
 
-    They are in the last row, and sines and cosines of the vibration for a while in those of the
-    free mass.
+    The times are in the last row. The rows of the free mass hold sines and cosines of the vibration
+    for a while.
     """
     u_np, v_np, u_ut, v_ut = channels[0], channels[1], channels[2], channels[3]
     u_fm, v_fm, u_dt, v_dt = channels[4], channels[5], channels[6], channels[7]
@@ -246,8 +246,8 @@ def sample_parts(
 
     So a time at a joint of two segments is sampled from the same one, however far the trajectory
     continues before and after its part. ``firsts`` and ``lasts`` number the first and the last
-    segment of each part, shape (n,), int64. ``cuts`` are those of the first time of each, and
-    of all, shape (n + 1,).
+    segment of each part, shape (n,), int64. ``cuts`` are the number of the first time of each part,
+    and the number of all times, shape (n + 1,).
     """
     count = len(times.seconds)
     channels = np.empty((len(CHANNELS), count))

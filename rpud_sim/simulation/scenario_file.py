@@ -66,7 +66,7 @@ class _FaultEntry:
         """Return onset [ns] and fault with values drawn, by its number in the file, from 1 on."""
 
         def drawn(name: str, bounds: _Bounds) -> float:
-            # A stream of its own for each number: changing one entry changes no other.
+            # A separate stream for each number: changing one entry changes no other.
             least, most = bounds
             stream = np.random.SeedSequence(seed, spawn_key=(number, _DRAWN.index(name)))
             return float(least + (most - least) * float(np.random.default_rng(stream).random()))
@@ -145,7 +145,7 @@ class _CommandFile(_ScenarioFile):
 
 
 def read_scenario(path: str | Path, seed: int | None = None) -> tuple[Change, ...]:
-    """Return the faults of a scenario file; a seed, zero or more, takes the place of the file's."""
+    """Return the faults of a scenario file; a seed, zero or more, replaces the file's."""
     return scenario_at(open_yaml(path, error=FaultError), seed)
 
 
@@ -156,7 +156,7 @@ def parse_scenario(content: Any, name: str) -> tuple[Change, ...]:
 def scenario_at(top: Cursor, seed: int | None = None) -> tuple[Change, ...]:
     """Return the faults of the scenario that a cursor is at the top of, with all values drawn.
 
-    They are in the order of their onsets; those of one kind on one channel do not overlap.
+    They are in the order of their onsets; faults of one kind on one channel do not overlap.
     """
     file = read(top, _ScenarioFile)
     if seed is not None:

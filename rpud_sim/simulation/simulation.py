@@ -148,8 +148,8 @@ class Simulation:
     def advance_through(self, ends: np.ndarray) -> Block:
         """Advance to times one after the other; the block has a part up to each of them.
 
-        The result is that of ``advance_to`` for each of ``ends``, which ascend from after the
-        current time [ns]. Without a step of the plant before the last one, it takes one call of
+        The result is as if ``advance_to`` were called for each of ``ends``, which ascend from after
+        the current time [ns]. Without a step of the plant before the last one, it takes one call of
         the engine.
         """
         start = self._block_start

@@ -16,8 +16,8 @@ class DrillTopic:
     """Topic of the drill; its publisher is reliable."""
 
     type: str  # of its messages, as in ``rpud_msgs/msg/Status``
-    depth: int  # messages that its publisher keeps for slow subscribers
-    # whether a late subscriber gets the messages that are kept (transient local)
+    depth: int  # messages that its publisher stores for slow subscribers
+    # whether a late subscriber gets these messages (transient local)
     latched: bool = False
     frame: str = MOUNT_FRAME  # of the header; empty if there is no header
     complete: bool = True  # whether each message counts, not only the last

@@ -1,4 +1,4 @@
-"""Parameters that have no effect in the chosen models, and values that hardly can be meant."""
+"""Parameters that have no effect in the chosen models, and values that are probably mistakes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from rpud_sim.simulation.configuration import PARAMETERS, Configuration, Settings
 
-# Greatest free mass over that of the RPUD; the paper's are 2 g and 1 kg.
+# Greatest ratio of free mass to RPUD mass; the paper's masses are 2 g and 1 kg.
 _MOST_FREE_MASS = 0.1
 
 
@@ -52,9 +52,9 @@ _NEEDS: tuple[tuple[tuple[str, ...], str, Callable[[Configuration], bool]], ...]
 
 
 def doubts(given: Mapping[str, Any], settings: Settings) -> Iterator[str]:
-    """Yield a line for each given value that has no effect, or that hardly can be meant.
+    """Yield a line for each given value that has no effect, or is probably a mistake.
 
-    A value that is the default is none that somebody chose: files may list all.
+    Default values do not count, because files may list all parameters.
     """
     drill = settings.configuration
     for name, value in given.items():

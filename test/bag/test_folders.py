@@ -66,7 +66,7 @@ def test_the_metadata_stands_for_its_folder(tmp_path, monkeypatch):
 def test_a_renamed_file_is_read_with_a_warning(tmp_path):
     path = write_bag(tmp_path / "run")
     (path / "run_0.mcap").rename(path / "monday.mcap")
-    said = r"lists run_0\.mcap, which does not exist; monday\.mcap is read in its place"
+    said = r"lists run_0\.mcap, which does not exist; monday\.mcap is read instead"
     with pytest.warns(BagWarning, match=said), rpud_sim.bag.open(path) as bag:
         assert len(list(bag.messages())) == 10
     with pytest.warns(BagWarning, match=said):

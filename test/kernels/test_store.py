@@ -67,15 +67,15 @@ def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(store, bits,
     file.chmod(file.stat().st_mode | bits)
     belongs(monkeypatch, file, st_gid=12345)  # a group that does not write this package
     assert store.read(NAME) is None
-    assert store.refused == f"{file} is not used, because other users may write it"
-    assert store.refused in notice(Target(BASELINE), store)
+    assert store.rejection == f"{file} is not used, because other users may write it"
+    assert store.rejection in notice(Target(BASELINE), store)
 
 
 def test_what_another_user_owns_is_not_read(store, monkeypatch):
     file = store.write(NAME, pickle.dumps("machine code"))
     belongs(monkeypatch, file, st_uid=54321)
     assert store.read(NAME) is None
-    assert store.refused == f"{file} is not used, because other users may write it"
+    assert store.rejection == f"{file} is not used, because other users may write it"
 
 
 def test_a_fifo_a_link_and_what_cannot_be_unpickled_are_not_read(store, tmp_path):
@@ -86,11 +86,11 @@ def test_a_fifo_a_link_and_what_cannot_be_unpickled_are_not_read(store, tmp_path
     file.unlink()
     os.mkfifo(file)
     assert store.read(NAME) is None
-    assert store.refused == f"{file} is not used, because it is not a regular file"
+    assert store.rejection == f"{file} is not used, because it is not a regular file"
     file.unlink()
     store.write(NAME, b"cbuiltins\nint\n(S'x'\ntR.")
     assert store.read(NAME) is None
-    assert store.refused.startswith(f"{file} is not used: ValueError")
+    assert store.rejection.startswith(f"{file} is not used: ValueError")
 
 
 def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):

@@ -62,7 +62,7 @@ def test_goes_on_to_the_next_candidate(tmp_path):
         ("other", "", {"CXX": "no-compiler"}, "sudo apt install g++"),
         (
             *("python-own", "exit 10", {"PYTHON": "python-own", "ROS_PREFIX": "/opt/ros/jazzy"}),
-            "needs CPython 3.12, that of /opt/ros/jazzy",
+            "needs CPython 3.12, as /opt/ros/jazzy does",
         ),
     ],
 )

@@ -44,7 +44,7 @@ def main() -> int:
     work = ROOT / "build" / "dist"
     work.mkdir(parents=True, exist_ok=True)
     with (work / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # of two builds at once, the second one waits
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of two builds at one time, the second one waits
         return _build(work, arguments.out, pythons)
 
 
@@ -97,7 +97,7 @@ def _build_wheel(source: Path, out: Path, *options: str) -> None:
 
 
 def _commit_time() -> str:
-    """Return the time of the commit; outside of git that of the first day that a zip file knows."""
+    """Return the time of the commit; outside of git, the first day that a zip file can store."""
     git = ["git", "-C", ROOT, "log", "-1", "--format=%ct"]
     done = subprocess.run(git, capture_output=True, text=True, check=False)
     return done.stdout.strip() or "315532800"

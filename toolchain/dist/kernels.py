@@ -1,4 +1,4 @@
-"""Compiled kernels for the wheel of ``rpud_sim``, so that an installation starts at once.
+"""Compiled kernels for the wheel of ``rpud_sim``, so that an installation starts without compiling.
 
 A kernel serves one CPython and the versions of Numba and llvmlite that it was compiled with.
 """
@@ -51,7 +51,7 @@ def _with_numba(python: Python, environment: Path) -> Path:
 
 
 def _run(*command: str | Path, root: Path | None = None) -> None:
-    # Another Python must see the sources, and nothing of what this one has installed.
+    # Another Python must see the sources, and no package that this one has installed.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     if root is not None:
         environment["PYTHONPATH"] = str(root)

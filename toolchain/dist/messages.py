@@ -1,8 +1,8 @@
 """Wheel of ``rpud_msgs``: the messages as ``make setup`` built them, for each CPython found.
 
 The C libraries are the same for every Python, the module that converts messages is not. The wheel
-holds one module for each CPython, and its name says which. Libraries and definitions lie where
-those of the ROS wheels lie: in the ``lib/`` and ``share/`` of the environment.
+holds one module for each CPython, and its name lists them. Libraries and definitions lie where
+the ROS wheels put theirs: in the ``lib/`` and ``share/`` of the environment.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def stage_messages(folder: Path, pythons: Sequence[Python]) -> str:
     """Write the source of the wheel into a folder and return the wheel's tag.
 
     Args:
-        folder: replaced; `messages_setup.py` says what is where.
+        folder: replaced; `messages_setup.py` shows what is where.
         pythons: to compile the module for.
 
     Raises:
@@ -43,7 +43,7 @@ def stage_messages(folder: Path, pythons: Sequence[Python]) -> str:
     for python in pythons:
         _copy(_compile_module(python, generated), folder / PACKAGE)
 
-    # Python needs neither those of C++ nor the one that the modules contain.
+    # Python needs neither the libraries of C++ nor the one that the modules contain.
     for library in sorted(BUILT.glob(f"lib/lib{PACKAGE}__*.so")):
         if not library.stem.endswith(("_cpp", "_generator_py")):
             _copy(library, folder / "lib" / library.name)
@@ -93,7 +93,7 @@ def _compile_module(python: Python, generated: Path) -> Path:
     build = ROOT / "build" / "dist" / python.tag
     settings = {
         # With its assertions, as colcon builds it: a field of a wrong type must not pass. They
-        # name their files, which need not say where this folder is.
+        # name their files, which need not reveal where this folder is.
         "CMAKE_C_FLAGS": f"-O2 -ffile-prefix-map={ROOT}=.",
         "Python3_EXECUTABLE": python.executable,
         "GENERATED": generated,
@@ -129,5 +129,5 @@ def _newest_glibc(libraries: Iterable[Path]) -> tuple[int, int]:
         text=True,
     ).stdout
     found = re.findall(r"\bGLIBC_(\d+)\.(\d+)", output)
-    # The Python and ROS wheels that these stand on are of manylinux_2_28 and later.
+    # The Python and ROS wheels that these need are of manylinux_2_28 and later.
     return max([(2, 28), *((int(major), int(minor)) for major, minor in found)])
