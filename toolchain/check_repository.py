@@ -1,4 +1,4 @@
-"""Check what no other tool looks at; each check below says what it is about.
+"""Check what no other tool looks at; each check below has its subject in its docstring.
 
 `python -m toolchain.check_repository [NAME ...]` needs the environment of env.bash.
 """
@@ -40,6 +40,8 @@ _OF_PIP = ("mcap-ros2-support", "python3-rosbags-pip")
 _RELEASE = {"ROS_DISTRO": "jazzy", "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3"}
 _NUMBERS = ("double", "boolean", "uint32", "uint64", "string")
 MOST_WORDS = 36_000
+# Folders whose docstrings, comments and texts are read.
+_SOURCES = ("rpud_sim", "bench", "examples", "toolchain", "validation")
 _LARGEST = {".webp": 1_500_000, ".png": 350_000, ".svg": 350_000}  # pictures [byte]
 
 
@@ -67,7 +69,7 @@ def manifests() -> Iterator[str]:
     declared = {each.text for each in trees[0]}
     for path in sorted((ROOT / "rpud_sim").rglob("*.py")):
         for name in set(_INTERFACES.findall(path.read_text(encoding="utf-8"))) - declared:
-            yield f"{path}: imports {name}, of which package.xml says nothing"
+            yield f"{path}: imports {name}, which package.xml does not declare"
     folder = MESSAGES.parent
     files = {f"{each.parent.name}/{each.name}" for each in folder.glob("[ms][sr][gv]/*")}
     built = re.findall(r"(?:msg|srv)/\w+\.\w+", (folder / "CMakeLists.txt").read_text())
@@ -197,8 +199,9 @@ def words() -> Iterator[str]:
     A word is what has a letter or a digit between two spaces, also in code and tables.
     """
     from toolchain import reference  # which a release does not need
-    from toolchain.words import EVERYWHERE, PAGES
+    from toolchain.words import EVERYWHERE, NOUNS, PAGES, UNREVISED
 
+    plain = {**EVERYWHERE, **NOUNS, **PAGES}
     texts = sorted(
         each
         for folder in ("", "docs", "examples")
@@ -214,19 +217,24 @@ def words() -> Iterator[str]:
             page.read_text(encoding="utf-8"),
             flags=re.DOTALL,
         )
-        yield from _unplain(page, text, {**EVERYWHERE, **PAGES})
+        yield from _unplain(page, text, plain)
     for file in sorted(MESSAGES.parent.glob("[ms][sr][gv]/*")):
         comments = "\n".join(re.findall(r"#(.*)", file.read_text(encoding="utf-8")))
-        yield from _unplain(file, comments, {**EVERYWHERE, **PAGES})
-    yield from _unplain(ROOT / "rpud --help", reference.commands(), {**EVERYWHERE, **PAGES})
-    for source in sorted((ROOT / "rpud_sim").rglob("*.py")):
+        yield from _unplain(file, comments, plain)
+    yield from _unplain(ROOT / "rpud --help", reference.commands(), plain)
+    unrevised = tuple(f"{ROOT / folder}/" for folder in UNREVISED)
+    for source in sorted(path for folder in _SOURCES for path in (ROOT / folder).rglob("*.py")):
+        if source.name == "words.py":
+            continue
+        patterns = EVERYWHERE if str(source).startswith(unrevised) else {**EVERYWHERE, **NOUNS}
         for row, text in _texts_of(source.read_text(encoding="utf-8")):
-            yield from _unplain(Path(f"{source}:{row}"), text, EVERYWHERE)
+            yield from _unplain(Path(f"{source}:{row}"), text, patterns)
 
 
 def _unplain(file: Path, text: str, patterns: dict[str, str]) -> Iterator[str]:
+    line = re.sub(r"\s*\n\s*", " ", text)
     for pattern, plain in patterns.items():
-        for found in re.findall(rf"\b(?:{pattern})\b", text):
+        for found in re.findall(rf"\b(?:{pattern})\b", line):
             yield f"{file}: {found!r}: {plain}"
 
 

@@ -202,7 +202,7 @@ class MountState:
     force: float  # of the arm on the mount, toward the rock [N]
     weight_on_bit: float  # force of the load spring, compressed between mount and rock [N]
     in_contact: bool  # whether the drill tool is in the rock
-    slip: float  # way of the host since time zero, toward the rock [m]
+    slip: float  # travel of the host since time zero, toward the rock [m]
     bottom: float  # of the hole [m]; infinite if there is none
     # Within a step the force of the drill on the mount follows a deviation of the mount by these.
     stiffness: float  # of the load spring [N/m]
@@ -227,8 +227,8 @@ class Advance(NamedTuple):
 # Greatest force of the load spring under a given motion [N], as of ``weight_on_bit``.
 _MOST_FORCE = QUANTITIES["weight_on_bit"].maximum
 
-# Samples in a row whose velocity has another sign, and that do not decay, by which the exchange
-# with another simulator is unstable; and the least velocity that counts [m/s].
+# Consecutive samples whose velocity changes its sign without decaying, after which the exchange
+# with another simulator counts as unstable; and the least velocity that counts [m/s].
 _SWINGS = 8
 _SLOW = 1e-3
 
@@ -271,7 +271,7 @@ class Mount:
             self.position, self._slip = settled.position, settled.slipped
         self._rate = 0.0  # of the feed's drive [m/s]
         self._damping = 0.0  # of the load spring [N s/m]
-        self._turns = 0  # samples in a row whose velocity has another sign and does not decay
+        self._sign_changes = 0  # consecutive samples whose velocity changes its sign, undamped
         self._speed_before = 0.0  # of the sample before the last one [m/s]
         self._stalled = False  # whether the feed stalls by a fault
         self._last_interval = math.inf  # duration of the last step [s]
@@ -289,7 +289,7 @@ class Mount:
         drive = (self.position, self._feed, self._rate)
         contact = (self.weight_on_bit, self.in_contact)
         impedance = (self._load.spring_rate, self._damping)
-        swings = self._turns >= _SWINGS
+        swings = self._sign_changes >= _SWINGS
         return MountState(
             *(*drive, force, *contact, self._slip, self.bottom, *impedance, swings, work)
         )
@@ -339,10 +339,10 @@ class Mount:
             dragged = damping * (carried / interval) * carried
             self._feed_work += dragged
             self._drill_work += dragged
-        way = self.position - position
+        travel = self.position - position
         if not self.in_contact:
-            way = (self.position - self._feed) - deflection
-        self._arrive(load, bottom, way, interval, percussion.reach)
+            travel = (self.position - self._feed) - deflection
+        self._arrive(load, bottom, travel, interval, percussion.reach)
 
     def check(self, motion: Motion) -> None:
         """Check that a motion does not press with more than a weight on bit can be."""
@@ -360,13 +360,13 @@ class Mount:
         if isinstance(motion, MountMotion) and isinstance(before, MountMotion):
             turned = motion.velocity * before.velocity < 0.0
             lasting = abs(motion.velocity) > max(0.9 * self._speed_before, _SLOW)
-            self._turns = self._turns + 1 if turned and lasting else 0
+            self._sign_changes = self._sign_changes + 1 if turned and lasting else 0
             self._speed_before = abs(before.velocity)
 
     def look_ahead(self, time: int, interval: float, spring_rate: float, damping: float) -> None:
         """Take the forces of the step that comes, until a time [ns], from a given motion.
 
-        Its velocity is known when the step begins. That of an arm is taken from the step before.
+        Its velocity is known when the step begins. The velocity of an arm is from the step before.
         Motions that come more often than steps cut these: then the step will be as long as the
         last one.
         """
@@ -418,12 +418,12 @@ class Mount:
         return feed + most if wanted > feed + most else wanted
 
     def _arrive(
-        self, load: SpringLoad, bottom: float, way: float, interval: float, reach: float
+        self, load: SpringLoad, bottom: float, travel: float, interval: float, reach: float
     ) -> None:
         """Note what follows from the place that the mount has reached.
 
-        ``way`` is that of the mount as the bodies see it, ``reach`` how far the actuator's tip
-        comes until the next step, from the origin [m]: there the rock must have the tool already.
+        ``travel`` is the mount's as the bodies see it, ``reach`` how far the actuator's tip comes
+        until the next step, from the origin [m]: there the rock must have the tool already.
         """
         was_in_contact, self.bottom = self.in_contact, bottom
         if self.position > bottom or load.origin + reach > bottom:
@@ -433,11 +433,11 @@ class Mount:
         origin = bottom if self.in_contact else self.position
         passed = 0.0
         if not was_in_contact:
-            passed = way - (self.position - origin)
+            passed = travel - (self.position - origin)
         elif not self.in_contact:
             passed = self.position - load.origin
         push = load.push - load.spring_rate * passed
         self._load = load._replace(origin=origin, push=push)
-        damping, lead = load.damping * (way / interval), 0.5 * load.spring_rate * way
-        forces = (damping * way, damping, lead)
-        self.advance = Advance(self.position - origin, way, passed, *forces)
+        damping, lead = load.damping * (travel / interval), 0.5 * load.spring_rate * travel
+        forces = (damping * travel, damping, lead)
+        self.advance = Advance(self.position - origin, travel, passed, *forces)

@@ -16,8 +16,8 @@ from rpud_sim.model.integrals import (
     growth_over,
     held_motion,
     square_integral,
+    travel_of,
     vibration_work,
-    way_of,
 )
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
@@ -63,18 +63,18 @@ class RpudConstants(NamedTuple):
 
 @compiled
 def held_travels(segment, held, duration):
-    """Ways of nodal plane and held free mass [m], and the loss of the load spring's damping [J].
+    """Travels of nodal plane and held free mass [m], and the loss of the load spring's damping [J].
 
     Differences of positions would lose the digits that the deflection of a soft spring takes.
     """
-    decaying, way, rate, steady, _, turn, omega = held
+    decaying, added, rate, steady, _, turn, omega = held
     swing = growth_over(omega, duration)
     nodal_plane = (decaying * growth_over(rate, duration)).real + (steady * swing).real
     vibration = complex(0.0, -segment.vibration_amplitude) * turn
     loss = segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, duration
     )
-    tip = (way * growth_over(rate, duration)).real + (vibration * swing).real
+    tip = (added * growth_over(rate, duration)).real + (vibration * swing).real
     return nodal_plane, nodal_plane + tip, loss
 
 
@@ -82,11 +82,11 @@ def held_travels(segment, held, duration):
 def free_travels(segment, start, end, begun, ended):
     """Return the same of a free mass off the tip, given the ``Turns`` at start and end."""
     motion = nodal_plane_motion(segment)
-    nodal_plane = way_of(motion, begun.nodal_plane, ended.nodal_plane)
+    nodal_plane = travel_of(motion, begun.nodal_plane, ended.nodal_plane)
     damping = segment.load_spring_damping
     loss = damper_loss(damping, motion, begun.nodal_plane, ended.nodal_plane)
     if segment.contact & CONTACT_DRILL_TOOL:
-        free_mass = way_of(drill_tool_motion(segment), begun.drill_tool, ended.drill_tool)
+        free_mass = travel_of(drill_tool_motion(segment), begun.drill_tool, ended.drill_tool)
     else:
         mean = segment.free_mass_velocity + 0.5 * segment.free_mass_acceleration * (start + end)
         free_mass = mean * (end - start)
@@ -130,9 +130,9 @@ def add_motion(rpud, segment, start, end, begun, ended, account):
 def withdrawal_work(segment, tool_spring_rate, motion, passed):
     """Work on the springs of the drill while their mount withdraws from the bodies [J].
 
-    The spring of the rock does not move with the mount. ``motion`` is that before it, ``passed``
-    the way by which the origin of all displacements passes the bodies [m], and ``tool_spring_rate``
-    that of the drill tool on the other side of this instant [N/m].
+    The spring of the rock does not move with the mount. ``motion`` is the motion before it,
+    ``passed`` the distance by which the origin of all displacements passes the bodies [m], and
+    ``tool_spring_rate`` the drill tool's rate on the other side of this instant [N/m].
     """
     u_np, _, _, _, _, _, u_dt, _ = motion
     softer = min(segment.drill_tool_spring_rate, tool_spring_rate)
@@ -201,7 +201,7 @@ def add_rest(segment, after, ended, account):
     """
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
     met = not segment.contact & CONTACT_DRILL_TOOL and not rests(after)
-    # Without a contact that could end, a release is that of the tool by the rock.
+    # Without a contact that could end, a release means that the rock releases the tool.
     if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
         motion = segment.drill_tool_mass * v_dt * v_dt
         account[RELEASE] += 0.5 * (motion + segment.drill_tool_spring_rate * u_dt * u_dt)

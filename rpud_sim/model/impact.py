@@ -118,9 +118,9 @@ def follow_impact(segment, impact, time, turns):
         vibration = segment.vibration_amplitude * (turn.cosine - turns.vibration.cosine)
         omega = TWO_PI * segment.vibration_frequency
         integral = nodal_plane_integral(segment, time, turn, turns) + vibration / omega
-        way = drill_tool_motion(segment)
-        if way.angular_frequency != 0.0:
-            integral += way.offset * time + swung_integral(way, turns.drill_tool)
+        motion = drill_tool_motion(segment)
+        if motion.angular_frequency != 0.0:
+            integral += motion.offset * time + swung_integral(motion, turns.drill_tool)
         impact.impulse += (
             mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)

@@ -55,8 +55,8 @@ def product_integral(first, first_rate, second, second_rate, duration):
 
 
 @compiled
-def way_of(motion, begun, ended):
-    """Way of a decaying part between two ``DecayingSinCos`` [m].
+def travel_of(motion, begun, ended):
+    """Travel of a decaying part between two ``DecayingSinCos`` [m].
 
     A difference of positions would lose the digits that the deflection of a soft spring takes.
     """
@@ -77,7 +77,7 @@ def damper_loss(damping, motion, begun, ended):
     u_begun, v_begun = swinging_part(motion, begun)
     u_ended, v_ended = swinging_part(motion, ended)
     lost = (v_begun - v_ended) * (v_begun + v_ended)
-    lost -= (a * a + w * w) * way_of(motion, begun, ended) * (u_begun + u_ended)
+    lost -= (a * a + w * w) * travel_of(motion, begun, ended) * (u_begun + u_ended)
     return 0.25 * damping / a * lost
 
 
@@ -95,10 +95,10 @@ class HeldMotion(NamedTuple):
     """Motion of a tip that holds the free mass, from a time on, in complex parts."""
 
     decaying: complex  # amplitude of the nodal plane's decaying part [m]
-    way: complex  # what the yielding vibration adds to it at the tip [m]
+    added: complex  # what the yielding vibration adds to it at the tip [m]
     rate: complex  # at which it decays [1/s]
     steady: complex  # amplitude of the nodal plane's steady vibration [m]
-    tip: complex  # that of the tip's [m]
+    tip: complex  # amplitude of the tip's steady vibration [m]
     turn: complex  # exp(i phi)
     omega: complex  # rate of the vibration [1/s]
 
@@ -108,19 +108,19 @@ def held_motion(segment, start):
     motion = nodal_plane_motion(segment)
     rate = complex(-motion.decay_rate, motion.angular_frequency)
     decaying = complex(motion.cosine, -motion.sine)
-    way = complex(0.0, 0.0)
+    added = complex(0.0, 0.0)
     if segment.contact == CONTACT_BOTH:
-        way = complex(segment.drill_tool_cosine, -segment.drill_tool_sine)
+        added = complex(segment.drill_tool_cosine, -segment.drill_tool_sine)
     if start > 0.0:
         decay = complex_exponential(rate * start)
         decaying *= decay
-        way *= decay
+        added *= decay
     sine, cosine = vibration_turn(segment, start)
     turn = complex(cosine, sine)
     steady = complex(motion.vibration_cosine, -motion.vibration_sine) * turn
     omega = complex(0.0, TWO_PI * segment.vibration_frequency)
     tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
-    return HeldMotion(decaying, way, rate, steady, tip, turn, omega)
+    return HeldMotion(decaying, added, rate, steady, tip, turn, omega)
 
 
 @compiled
@@ -136,7 +136,7 @@ def drill_tool_damper_loss(segment, start, end, begun, ended):
         return 0.0
     held = held_motion(segment, start)
     return damping * square_integral(
-        held.rate * (held.decaying + held.way),
+        held.rate * (held.decaying + held.added),
         held.rate,
         held.omega * held.tip,
         held.omega,
@@ -150,7 +150,7 @@ def force_parts(segment, held):
     rate, omega = held.rate, held.omega
     mass, damping, spring_rate, force = load_of(segment, True)
     constant = spring_rate * slow_tip_motion(segment).offset - force
-    slow = (mass * rate * rate + damping * rate + spring_rate) * (held.decaying + held.way)
+    slow = (mass * rate * rate + damping * rate + spring_rate) * (held.decaying + held.added)
     fast = (mass * omega * omega + damping * omega + spring_rate) * held.tip
     return constant, slow, fast
 
@@ -169,8 +169,8 @@ def vibration_work(segment, held, duration):
         + product_integral(slow, rate, velocity, omega, duration)
         + product_integral(fast, omega, velocity, omega, duration)
     )
-    if held.way != 0.0:
-        velocity = rate * held.way
+    if held.added != 0.0:
+        velocity = rate * held.added
         work += (
             constant * (velocity * exponential_integral(rate, duration)).real
             + product_integral(slow, rate, velocity, rate, duration)

@@ -50,7 +50,7 @@ CONSTANTS = (
 _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
 
 # Times are whole seconds and a fraction from 0 to 1, so that they keep their precision in long
-# runs. Lengths in m, rates in 1/s, phases in cycles; the field names are those of
+# runs. Lengths in m, rates in 1/s, phases in cycles; the field names are as in
 # rpud_msgs/Trajectory.
 SEGMENT = record_type(
     [
@@ -203,8 +203,8 @@ def tip_motion(segment, vibration, swing):
     v_ut = v_np + omega * segment.vibration_amplitude * cosine
     if segment.contact == CONTACT_BOTH:
         # The vibration may yield, at the rates of the nodal plane.
-        way, rate = swinging_part(drill_tool_motion(segment), swing)
-        u_ut += segment.drill_tool_offset + way
+        added, rate = swinging_part(drill_tool_motion(segment), swing)
+        u_ut += segment.drill_tool_offset + added
         v_ut += rate
     return u_np, v_np, u_ut, v_ut
 
@@ -289,7 +289,7 @@ def nodal_plane_closed_form(drill, bodies, state, amplitude, frequency, turn):
 
 @compiled
 def drill_tool_closed_form(drill, bodies, state):
-    """Return that of the drill tool: alone by eq. (14), with the free mass by eq. (31)."""
+    """Return the drill tool's: alone by eq. (14), with the free mass by eq. (31)."""
     if state.contact == CONTACT_DRILL_TOOL:
         force = drill.free_mass * drill.gravity
         return free_vibration(bodies.pair, force, state.u_dt, state.v_dt)

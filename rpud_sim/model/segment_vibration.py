@@ -66,9 +66,9 @@ def alone_after(state, time):
 
 @compiled
 def yielded(state, segment, time, turns):
-    """Vibration after a part of a segment: amplitude, phase, way [m] and work on bodies [J].
+    """Vibration after a part of a segment: amplitude, phase, travel [m] and work on bodies [J].
 
-    An envelope that follows it is that of the resonance frequency.
+    An envelope that follows it is the envelope about the resonance frequency.
     """
     u_np, v_np, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
     frequency = state.resonance_frequency if follows(state) else state.frequency
@@ -88,14 +88,14 @@ def account(state, segment, time):
     work = 0.0
     pending = state.pending
     if state.yields or state.fine:
-        amplitude, phase, way, work = yielded(state, segment, time, turns_at(segment, time))
+        amplitude, phase, travel, work = yielded(state, segment, time, turns_at(segment, time))
         turned = state.drive_phase + state.drive_frequency * time
         after = envelope_of(state, amplitude, phase, turned)
         if follows(state):
             before, drawn, heat = brought(state)
             if state.yields == YIELDS_TO_ROCK:
-                drawn += state.drive_force * way
-                heat -= state.loss_force * way
+                drawn += state.drive_force * travel
+                heat -= state.loss_force * travel
             pending += heat - drawn - stored_energy(state, before)
             envelope = after
         else:
@@ -116,7 +116,7 @@ def account(state, segment, time):
 
 
 @compiled
-def drive_on(drill, state, time, way):
+def drive_on(drill, state, time, travel):
     """Let drive and losses of the time before this instant act on the vibration.
 
     They act as one impulse, which the tip shares with a free mass that it carries. Returns the
@@ -124,7 +124,7 @@ def drive_on(drill, state, time, way):
     """
     omega = TWO_PI * state.frequency
     lightness = 1.0 / state.modal_mass
-    drive, loss = impulses_on(state, time, way)
+    drive, loss = impulses_on(state, time, travel)
     drive -= state.ahead
     state.ahead = 0.0
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
@@ -151,7 +151,7 @@ def end_vibration(drill, state, segment, time, turns):
         state.phase = advance_phase(state.phase, state.frequency, time)
         move_resonance(state, time)
         return
-    amplitude, phase, way, work = yielded(state, segment, time, turns)
+    amplitude, phase, travel, work = yielded(state, segment, time, turns)
     if not follows(state):
         # What the free mass changes of the vibration loads the envelope as a blow does.
         alone = alone_after(state, time)
@@ -170,10 +170,10 @@ def end_vibration(drill, state, segment, time, turns):
     state.amplitude, state.phase = amplitude, phase
     state.frequency = state.resonance_frequency
     if state.yields == YIELDS_TO_ROCK:
-        drawn += state.drive_force * way
-        heat -= state.loss_force * way
+        drawn += state.drive_force * travel
+        heat -= state.loss_force * travel
     else:
-        drive, loss, given = drive_on(drill, state, time, way)
+        drive, loss, given = drive_on(drill, state, time, travel)
         drawn += drive
         heat += loss
         work += given
@@ -204,7 +204,7 @@ def draw_back(state, impulse_given):
     """Let a drive that draws the tip away from bodies that it touches act ahead of its time.
 
     Else they would meet again and again until its step ends. The tip has given the bodies an
-    impulse at this instant [N s], whose work is that of the mean velocity.
+    impulse at this instant [N s], whose work is impulse times mean velocity.
     """
     force, _ = forces_on(state, 0.0)
     impulse = force * FREE_STEP / state.drive_frequency

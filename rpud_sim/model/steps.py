@@ -4,7 +4,7 @@ A guard whose second derivative is at least m stays above the parabola
 
     g + g' s + m s^2 / 2
 
-so that it cannot reach zero before the parabola does. The least m is that of a bound for the whole
+so that it cannot reach zero before the parabola does. The least m is from a bound for the whole
 segment. A bound J on the third derivative gives a greater one, g'' - J s, up to a time s at which
 even a parabola of the current curvature is zero. And a guard in which the tip vibrates is at least
 its slowly changing envelope.
@@ -42,13 +42,13 @@ def safe_step(value, slope, bend):
     if bent < -square:
         root = math.sqrt(square - 2.0 * bent)
         return 2.0 * value / (root - slope) if slope < 0.0 else (slope + root) / -bend
-    # Without the root, and a little short of the parabola's zero: Halley's step, or twice the way
+    # Without the root, and a little short of the parabola's zero: Halley's step, or twice the time
     # to its crest. In one division, as to guess which it is takes as long.
     falls = slope < 0.0
-    way = -2.0 * slope * value if falls else 2.0 * slope
+    numerator = -2.0 * slope * value if falls else 2.0 * slope
     whole = 2.0 * square - bent if falls else -bend
     ends = whole > 0.0
-    time = way / (whole if ends else 1.0)
+    time = numerator / (whole if ends else 1.0)
     return time if ends else math.inf
 
 

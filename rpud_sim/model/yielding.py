@@ -38,7 +38,7 @@ class Yielding(NamedTuple):
     """Motion while the vibration yields."""
 
     nodal_plane: Oscillation
-    way: Oscillation  # of the tip beyond nodal plane and vibration
+    added: Oscillation  # of the tip beyond nodal plane and vibration
     amplitude: float  # of the vibration [m]
     frequency: float  # [Hz]
     phase: float  # [cycles]
@@ -75,8 +75,8 @@ def forces_on(state, velocity):
 
 
 @compiled
-def impulses_on(state, time, way):
-    """Impulses of drive and losses on the vibration in a time before this, over a way [m].
+def impulses_on(state, time, travel):
+    """Impulses of drive and losses on the vibration in a time before this, over a travel [m].
 
     The drive moves the vibration, too. This displacement, which the tip cannot make immediately, is
     ``missing``, and turns with the vibration into impulses.
@@ -94,7 +94,7 @@ def impulses_on(state, time, way):
     moved = share * (begin * sine + 4.0 * middle * half_sine) / (omega * state.modal_mass)
     impulse -= state.modal_mass * omega * state.missing * sine
     state.missing = state.missing * cosine + moved
-    return impulse, -2.0 * state.modal_mass / state.decay_time * way
+    return impulse, -2.0 * state.modal_mass / state.decay_time * travel
 
 
 @compiled
@@ -163,8 +163,8 @@ def yielding_acceleration(drill, state, turn, v_np):
         0.0,
         motion.decay_rate,
         motion.angular_frequency,
-        motion.cosine + moves.way.cosine,
-        motion.sine + moves.way.sine,
+        motion.cosine + moves.added.cosine,
+        motion.sine + moves.added.sine,
         0.0,
         0.0,
     )
@@ -181,7 +181,7 @@ def carrying_frequency(drill, state):
 
 @compiled
 def carrying_vibration(drill, state, turn):
-    """Return that frequency, with amplitude [m] and phase [cycles] of the same motion."""
+    """Return the same frequency, and amplitude [m] and phase [cycles] of the same motion."""
     frequency = carrying_frequency(drill, state)
     along = state.amplitude * turn.sine
     across = state.amplitude * turn.cosine * (state.frequency / frequency)
