@@ -1,4 +1,4 @@
-"""Which value of Table 2 decides a figure: Sobol indices by SALib (`pip install SALib`).
+"""Which value of Table 2 decides a metric: Sobol indices by SALib (`pip install SALib`).
 
 `python examples/sobol.py 256` uses 256 points of each matrix, a power of two (default 64).
 """
@@ -11,7 +11,7 @@ from SALib.sample import sobol as saltelli
 
 import rpud_sim
 
-FIGURES = ("drill_tool_impact_rate", "contact_force_mean", "reacting_force_mean")
+METRICS = ("drill_tool_impact_rate", "contact_force_mean", "reacting_force_mean")
 # "last digit" is half a unit of the last digit that Table 2 prints. Where it misprints a value or
 # has none, and where zeros at the end may be rounding, 5 % are assumed.
 INTERVALS = {
@@ -39,14 +39,14 @@ def main(samples=64, duration=5.0):
     shares = saltelli.sample(problem, samples, calc_second_order=False, seed=0)
     points = pandas.DataFrame(shares, columns=names).assign(contact_model="printed")
     frame = rpud_sim.sweep(points, duration, seeds=2)
-    for figure in FIGURES:
+    for metric in METRICS:
         values = (
-            frame[figure].to_numpy().reshape(-1, 2)
+            frame[metric].to_numpy().reshape(-1, 2)
         )  # a row for each point, a column for each seed
         noise = values.var(axis=1, ddof=1).mean() / 2 / values.mean(axis=1).var()
         found = sobol.analyze(problem, values.mean(axis=1), calc_second_order=False, seed=0)
-        unit = frame.attrs["units"][figure]
-        print(f"{figure}: {values.mean():.4g} {unit}, share of the chaotic motion {noise:.2f}")
+        unit = frame.attrs["units"][metric]
+        print(f"{metric}: {values.mean():.4g} {unit}, share of the chaotic motion {noise:.2f}")
         # An index near the motion's share means nothing: use a longer duration or more seeds.
         for place in found["ST"].argsort()[:-4:-1]:
             alone, whole, error = (found[key][place] for key in ("S1", "ST", "ST_conf"))

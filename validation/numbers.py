@@ -1,4 +1,4 @@
-"""Numbers that the paper states, and the figure of a run of the model to compare with each."""
+"""Numbers that the paper states, and the metric of a run of the model to compare with each."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Number:
 
     label: str  # figure of the paper, and which of its numbers
     regime: str  # of the model's run
-    figure: str  # of that run, or what ``value_in`` makes of it
+    metric: str  # of that run, or what ``value_in`` makes of it
     window: float  # from the start of the run [s]
     paper: float  # its value, in SI units
     unit: str
@@ -37,7 +37,7 @@ class Number:
 
     def value_in(self, run: DrillRun) -> float:
         """Return its counterpart in a run over its window; NaN where there is none."""
-        kind, _, detail = self.figure.partition(" ")
+        kind, _, detail = self.metric.partition(" ")
         if kind == "contact":  # of one collision, for which nothing is simulated
             beginning = run.plan.beginning.settings.configuration
             return float(getattr(single_contact(beginning.parameters, CONTACT_SPEED), detail))

@@ -103,10 +103,10 @@ def _number_of(file: Path) -> tuple[str, int, str]:
 
 def without_copies(files: Sequence[Path]) -> BagFiles:
     """Return files without those that have the bytes of an earlier one, with a warning."""
-    kept: list[Path] = []
+    distinct: list[Path] = []
     warnings = []
     for file in files:
-        for other in kept:
+        for other in distinct:
             with reading(file):
                 if file.is_file() and other.is_file() and cmp(file, other, shallow=False):
                     warnings.append(
@@ -114,8 +114,8 @@ def without_copies(files: Sequence[Path]) -> BagFiles:
                     )
                     break
         else:
-            kept.append(file)
-    return BagFiles(tuple(kept), warnings=tuple(warnings))
+            distinct.append(file)
+    return BagFiles(tuple(distinct), warnings=tuple(warnings))
 
 
 def _unlisted(folder: Path, held: Sequence[Path]) -> BagFiles:

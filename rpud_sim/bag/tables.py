@@ -111,15 +111,15 @@ class Table:
         except BagFormatError:  # of a block whose rows have no time, or too few values
             if leave_out is None:
                 raise
-        kept = []
+        fitting = []
         for row in range(len(batch)):
             try:
                 self.batch(batch.part(slice(row, row + 1)))
             except BagFormatError as error:
                 leave_out(str(error))
             else:
-                kept.append(row)
-        return self.batch(batch.part(np.array(kept, np.intp)))
+                fitting.append(row)
+        return self.batch(batch.part(np.array(fitting, np.intp)))
 
     def empty(self) -> RowTable:
         return self.batch(Batch(self._name, np.empty(0, np.int64)))

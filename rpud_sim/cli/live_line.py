@@ -26,7 +26,7 @@ _LOG_FORMAT = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
 _ROS_LOG_FORMAT = "[{severity}] [{time}] [{name}]: {message}"
 _ERASE = "\r\x1b[K"
 
-# Parts that a narrow terminal has no place for, the least important first.
+# Parts that are left out on a narrow terminal, the least important first.
 _LEFT_OUT = ("reacting", "factor", "late", "contact", "dropped", "rotation", "feed", "faults")
 
 
@@ -107,9 +107,9 @@ def live_text(report: Report, width: int | None = None) -> str:
     return text[: max(0, width - 1)]
 
 
-def summary_text(figures: Values, report: Report | None, faults: Sequence[FaultRecord] = ()) -> str:
-    motion = _joined(_motion(figures, [record.fault.kind for record in faults]))
-    lines = [f"drilled {figures['duration']:.2f} s: {motion}"]
+def summary_text(metrics: Values, report: Report | None, faults: Sequence[FaultRecord] = ()) -> str:
+    motion = _joined(_motion(metrics, [record.fault.kind for record in faults]))
+    lines = [f"drilled {metrics['duration']:.2f} s: {motion}"]
     if report is None:
         return lines[0]
     status, timing = report.status, report.timing
@@ -161,8 +161,8 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
     if kinds:
         first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
         parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first)
-    if refused := status["commands_rejected"] + report.requests_refused:
-        parts["refused"] = (f"{refused} rejected",)
+    if rejected := status["commands_rejected"] + report.requests_refused:
+        parts["rejected"] = (f"{rejected} rejected",)
     if dropped := timing["messages_dropped"]:
         parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
     parts["late"] = (f"late {_shown('lateness', timing['lateness_max'])}",)
@@ -170,10 +170,10 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
     return parts
 
 
-def _motion(figures: Values, faults: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def _motion(metrics: Values, faults: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the rate of impacts, or why there are none, and the forces."""
-    rate, mean = figures["drill_tool_impact_rate"], figures["contact_force_mean"]
-    most, reacting = figures["contact_force_max"], figures["reacting_force_mean"]
+    rate, mean = metrics["drill_tool_impact_rate"], metrics["contact_force_mean"]
+    most, reacting = metrics["contact_force_max"], metrics["reacting_force_mean"]
     none = "jammed" if "free_mass_jammed" in faults else "no impacts"
     number = _shown("impact_rate", rate, unit=False)
     parts: dict[str, tuple[str, ...]] = {

@@ -133,24 +133,24 @@ def _lines(frame: pandas.DataFrame, files: list[str]) -> Iterator[str]:
 
 
 def _plots(frame: pandas.DataFrame, folder: Path) -> Iterator[Path]:
-    """Write one picture for each figure, over each parameter; yield the files."""
+    """Write one picture for each metric, over each parameter; yield the files."""
     from rpud_sim.foundation.extras import import_extra
 
     pictures = import_extra("matplotlib.figure", "a picture", "'rpud_sim[studies]'")
     folder.mkdir(parents=True, exist_ok=True)
     names, units = _points(frame), frame.attrs["units"]
-    figures = list(frame)[list(frame).index("seed") + 1 : -1]
-    for figure in figures if names else ():
+    metrics = list(frame)[list(frame).index("seed") + 1 : -1]
+    for metric in metrics if names else ():
         picture = pictures.Figure(figsize=(4 * len(names), 3), layout="constrained")
         for axes, name in zip(
             picture.subplots(1, len(names), squeeze=False)[0], names, strict=True
         ):
             values = frame[name]
             number = values.notna().all() and values.dtype.kind in "iuf"
-            own = frame[figure].groupby(values if number else values.astype(str), sort=False)
+            own = frame[metric].groupby(values if number else values.astype(str), sort=False)
             axes.errorbar(own.mean().index, own.mean(), own.sem().fillna(0.0), fmt="o-", capsize=3)
             axes.set_xlabel(f"{name} [{units[name]}]" if units[name] else name)
-        picture.axes[0].set_ylabel(f"{figure} [{units[figure]}]" if units[figure] else figure)
-        path = folder / f"{figure}.png"
+        picture.axes[0].set_ylabel(f"{metric} [{units[metric]}]" if units[metric] else metric)
+        path = folder / f"{metric}.png"
         picture.savefig(path)
         yield path

@@ -66,7 +66,7 @@ class Move(NamedTuple):
     """Motion of the mount, with its energies."""
 
     position: float  # of the mount at the end [m]
-    slipped: float = 0.0  # way of the host [m]
+    slipped: float = 0.0  # travel of the host [m]
     damper: float = 0.0  # energy that friction of the guide and damping of the load spring took [J]
     slip: float = 0.0  # energy that the host's slipping took [J]
     work: float = 0.0  # on the drill [J]
@@ -89,23 +89,23 @@ def move_freely(arm: Arm, load: SpringLoad, position: float, rest: float, interv
         if net == 0.0:
             break
         away = 1.0 if net > 0.0 else -1.0
-        ways = [way for knot in knots if (way := (knot - position) * away) > 0.0]
-        distance = min(ways, default=math.inf)
-        deflection = position + away * (0.5 * distance if ways else 1.0) - rest
+        ahead = [travel for knot in knots if (travel := (knot - position) * away) > 0.0]
+        distance = min(ahead, default=math.inf)
+        deflection = position + away * (0.5 * distance if ahead else 1.0) - rest
         between = arm.half_play < abs(deflection) < reach
         # By which A - L falls with the position, up to the next knot [N/m].
         steepness = load.spring_rate + arm.stiffness if between else load.spring_rate
         length = min(_duration(damping, net * away, steepness, distance), interval)
         if steepness == 0.0:
             damper += net * net * length / damping
-            way = net * away * length / damping
+            travel = net * away * length / damping
         else:
             decay = -exponential_minus_one(-2.0 * steepness * length / damping)
             damper += 0.5 * net * net / steepness * decay
             end = -exponential_minus_one(-steepness * length / damping)
-            way = net * away / steepness * end
-        way = distance if length < interval else min(way, distance)
-        position += away * way
+            travel = net * away / steepness * end
+        travel = distance if length < interval else min(travel, distance)
+        position += away * travel
         interval -= length
         if length == math.inf:
             break

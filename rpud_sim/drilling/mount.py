@@ -359,8 +359,8 @@ class Mount:
         before, self.motion = self.motion, motion
         if isinstance(motion, MountMotion) and isinstance(before, MountMotion):
             turned = motion.velocity * before.velocity < 0.0
-            lasting = abs(motion.velocity) > max(0.9 * self._speed_before, _SLOW)
-            self._sign_changes = self._sign_changes + 1 if turned and lasting else 0
+            undamped = abs(motion.velocity) > max(0.9 * self._speed_before, _SLOW)
+            self._sign_changes = self._sign_changes + 1 if turned and undamped else 0
             self._speed_before = abs(before.velocity)
 
     def look_ahead(self, time: int, interval: float, spring_rate: float, damping: float) -> None:

@@ -26,7 +26,7 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.schema import key, list_of, name_in, read
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
+from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, parse_yaml, yaml_node
 
 _PROPERTIES = ("specific_energy", "strength", "threshold_energy", "abrasiveness", "friction")
 ROCKS: Mapping[str, Mapping[str, float]] = {
@@ -163,7 +163,7 @@ def find_strata(choice: str) -> Strata:
             content = parse_yaml(choice)
         except ParameterError as error:
             raise ParameterError(f"strata {error}") from None
-        return _strata_at(cursor_at(content, "strata"))
+        return _strata_at(yaml_node(content, "strata"))
     if not os.path.isfile(choice) and "/" not in choice and "." not in choice:
         raise ParameterError(
             f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
@@ -171,7 +171,7 @@ def find_strata(choice: str) -> Strata:
     return _strata_at(open_yaml(choice))
 
 
-def _layer_at(entry: Cursor) -> Layer:
+def _layer_at(entry: YamlNode) -> Layer:
     """Return a layer: of a rock, whose values other keys replace, or of all of its keys."""
     given = read(entry, _LAYER_KEYS)
     if (rock := given.pop("rock", None)) is None:
@@ -187,7 +187,7 @@ class _StrataFile:
     bottom: float = key(BOTTOM, math.inf)
 
 
-def _strata_at(content: Cursor) -> Strata:
+def _strata_at(content: YamlNode) -> Strata:
     file = read(content, _StrataFile)
     with content.errors():
         return Strata(file.layers, file.bottom)

@@ -85,7 +85,7 @@ class ShownQuantity:
     def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
         """Return a value, given in SI units, as people read it; a dash for none.
 
-        ``sign`` shows that of a positive value too.
+        ``sign`` shows the plus sign of a positive value.
         """
         if value is None or not math.isfinite(value):
             return NONE
@@ -171,8 +171,8 @@ def _row(text: str) -> ShownQuantity:
 QUANTITIES: Mapping[str, ShownQuantity] = {
     quantity.name: quantity for quantity in map(_row, _TABLE.splitlines())
 }
-# Quantity of each figure of a run.
-_FIGURES = {
+# Quantity of each metric of a run.
+_METRICS = {
     "drill_tool_impact_rate": "impact_rate",
     "actuator_impact_rate": "impact_rate",
     "squeezed_impact_rate": "impact_rate",
@@ -190,9 +190,9 @@ _FIGURES = {
 }
 
 
-def figure_quantity(name: str) -> ShownQuantity:
-    """Return how a figure of a run is shown, by its name; its label is that name in words."""
-    known = QUANTITIES.get(_FIGURES.get(name, ""), ShownQuantity("", "", ""))
+def metric_quantity(name: str) -> ShownQuantity:
+    """Return how a metric of a run is shown, by its name; its label is that name in words."""
+    known = QUANTITIES.get(_METRICS.get(name, ""), ShownQuantity("", "", ""))
     return dataclasses.replace(known, name=name, label=name.replace("_", " "))
 
 

@@ -1,7 +1,7 @@
 """Values of YAML from users with their place in the file, for errors in one line.
 
 Each error names file and line, such as ``FILE:3: seed = -1 is outside its range [0, 9]``. Values
-that come from elsewhere, as of ``cursor_at``, have no lines, and errors name their path:
+that come from elsewhere, as of ``yaml_node``, have no lines, and errors name their path:
 ``FILE: faults[0].onset = -1 s is ...``.
 """
 
@@ -60,13 +60,13 @@ class _Loader(yaml.SafeLoader):
         return mapping
 
 
-def _refuse_tag(loader: _Loader, node: Any) -> Any:
+def _reject_tag(loader: _Loader, node: Any) -> Any:
     raise yaml.constructor.ConstructorError(
         None, None, f"the tag {node.tag!r:.80} means nothing here", node.start_mark
     )
 
 
-_Loader.add_constructor(None, _refuse_tag)
+_Loader.add_constructor(None, _reject_tag)
 _BOOL, _INT, _FLOAT = (f"tag:yaml.org,2002:{name}" for name in ("bool", "int", "float"))
 _Loader.yaml_implicit_resolvers = {
     first: [resolver for resolver in resolvers if resolver[0] not in (_BOOL, _INT, _FLOAT)]
@@ -154,7 +154,7 @@ def truth_value(value: Any) -> Any:
 
 
 @dataclasses.dataclass(frozen=True)
-class Cursor:
+class YamlNode:
     """Value in YAML and its place."""
 
     value: Any
@@ -197,7 +197,7 @@ class Cursor:
 
     def mapping(
         self, known: Iterable[str] | None = None, needed: Iterable[str] = ()
-    ) -> dict[Any, Cursor]:
+    ) -> dict[Any, YamlNode]:
         """Return the values of a mapping by key; it may have ``known`` keys, None for any."""
         if not isinstance(self.value, Mapping):
             if not self.name:
@@ -215,10 +215,10 @@ class Cursor:
                 raise self.error(f"{key} is missing")
         return found
 
-    def get(self, key: str, default: Any = None) -> Cursor:
+    def get(self, key: str, default: Any = None) -> YamlNode:
         return self._at(key, self.value.get(key, default))
 
-    def sequence(self) -> list[Cursor]:
+    def sequence(self) -> list[YamlNode]:
         """Return the entries of a list."""
         if not isinstance(self.value, list):
             raise self.wrong("is not a list")
@@ -235,7 +235,7 @@ class Cursor:
         with dataclasses.replace(self, name="").errors():
             return allowed.check(self.name, value)
 
-    def _at(self, key: Any, value: Any) -> Cursor:
+    def _at(self, key: Any, value: Any) -> YamlNode:
         name = shown_name(key)
         if self.name and not self.lines:
             name = f"{self.name}.{name}"
@@ -244,8 +244,8 @@ class Cursor:
 
 def open_yaml(
     path: str | Path, *, error: type[ValueError] = ParameterError, merge: bool = False
-) -> Cursor:
-    """Return a cursor at the value of a file; ``merge`` accepts duplicate keys, as ROS does."""
+) -> YamlNode:
+    """Return the YAML node of a file's value; ``merge`` accepts duplicate keys, as ROS does."""
     repeated: set[Place] | None = set() if merge else None
     try:
         content = read_file(path, MOST_BYTES + 1)
@@ -262,9 +262,9 @@ def open_yaml(
         raise error(f"{path} is not YAML: line {line}: the byte {byte} is not UTF-8") from None
     except ParameterError as failure:
         raise error(f"{path} {failure}") from None
-    return Cursor(value, str(path), error, lines, repeated=repeated or frozenset())
+    return YamlNode(value, str(path), error, lines, repeated=repeated or frozenset())
 
 
-def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:
-    """Return a cursor at a value, with a name instead of a file's."""
-    return Cursor(value, name, error)
+def yaml_node(value: Any, name: str, error: type[ValueError] = ParameterError) -> YamlNode:
+    """Return the YAML node of a value, with a name instead of a file's."""
+    return YamlNode(value, name, error)

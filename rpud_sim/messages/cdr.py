@@ -92,10 +92,10 @@ class Codec:
             if reason := foreign_encoding(data):
                 raise ValueError(reason)
             order = _ORDERS[data[:2]]
-            cursor = _Cursor(data, order, self.shape.memory)
-            value = self._reader(order, self.members)(cursor)
-            if not cursor.place <= len(data) <= cursor.place + cursor.spare:
-                raise ValueError(f"{len(data) - cursor.place} bytes follow its last field")
+            source = _ByteReader(data, order, self.shape.memory)
+            value = self._reader(order, self.members)(source)
+            if not source.place <= len(data) <= source.place + source.spare:
+                raise ValueError(f"{len(data) - source.place} bytes follow its last field")
             return value
 
     @cached_property
@@ -155,7 +155,7 @@ class Codec:
 
     def _reader(self, order: str, node: Node) -> _Reader:
         if isinstance(node, str):
-            return _Cursor.text if node == TEXT else _number_reader(order, node)
+            return _ByteReader.text if node == TEXT else _number_reader(order, node)
         if isinstance(node, Members):
             key = order, node.name
             if key not in self._readers:
@@ -164,21 +164,21 @@ class Codec:
         count = node.length
         if count is None:
             least, memory = self.shape_of(node.element).size, self.element_memory(node.element)
-            length: _Reader = partial(_Cursor.length, least=least, memory=memory)
+            length: _Reader = partial(_ByteReader.length, least=least, memory=memory)
         else:
-            length = lambda cursor: count  # noqa: E731
+            length = lambda source: count  # noqa: E731
         if isinstance(node.element, str) and node.element != TEXT:
             return _numbers_reader(order, node.element, length)
         read = self._reader(order, node.element)
-        return lambda cursor: [read(cursor) for _ in range(length(cursor))]
+        return lambda source: [read(source) for _ in range(length(source))]
 
     def _member_reader(self, order: str, node: Members) -> _Reader:
         fields = [(name, self._reader(order, each)) for name, each in node.members]
 
-        def read(cursor: _Cursor) -> Decoded:
+        def read(source: _ByteReader) -> Decoded:
             if not fields:
-                cursor.place += 1
-            return Decoded(node.name, {name: reader(cursor) for name, reader in fields})
+                source.place += 1
+            return Decoded(node.name, {name: reader(source) for name, reader in fields})
 
         return read
 
@@ -222,7 +222,7 @@ def aligned(place: Any, size: int) -> Any:
     return place + (HEAD - place) % size
 
 
-class _Cursor:
+class _ByteReader:
     """Place in a message that is being decoded."""
 
     def __init__(self, content: bytes, order: str, memory: int) -> None:
@@ -265,16 +265,16 @@ class _Cursor:
         return self.content[start : self.place - 1].decode()
 
 
-_Reader = Callable[[_Cursor], Any]
+_Reader = Callable[[_ByteReader], Any]
 
 
 def _number_reader(order: str, code: str) -> _Reader:
     unpack, size = struct.Struct(order + code).unpack_from, np.dtype(code).itemsize
 
-    def read(cursor: _Cursor) -> Any:
-        place = aligned(cursor.place, size)
-        cursor.place = place + size
-        return unpack(cursor.content, place)[0]
+    def read(source: _ByteReader) -> Any:
+        place = aligned(source.place, size)
+        source.place = place + size
+        return unpack(source.content, place)[0]
 
     return read
 
@@ -282,12 +282,12 @@ def _number_reader(order: str, code: str) -> _Reader:
 def _numbers_reader(order: str, code: str, length: _Reader) -> _Reader:
     dtype, own = number_dtype(code, order), np.dtype(code)
 
-    def read(cursor: _Cursor) -> np.ndarray:
-        if count := length(cursor):
-            cursor.place = aligned(cursor.place, dtype.itemsize)
-        end = cursor.reach(count * dtype.itemsize)
-        values = np.frombuffer(cursor.content, dtype, count, cursor.place)
-        cursor.place = end
+    def read(source: _ByteReader) -> np.ndarray:
+        if count := length(source):
+            source.place = aligned(source.place, dtype.itemsize)
+        end = source.reach(count * dtype.itemsize)
+        values = np.frombuffer(source.content, dtype, count, source.place)
+        source.place = end
         return values.astype(own, copy=False)
 
     return read

@@ -20,7 +20,7 @@ from rpud_sim.bag.tables import to_frame
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import cursor_at
+from rpud_sim.foundation.yaml_files import yaml_node
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
@@ -141,7 +141,7 @@ def _changes(faults: Faults, seed: int | None) -> tuple[Change, ...]:
     entries: Any = [faults] if isinstance(faults, str | Mapping) else faults
     if isinstance(entries, Iterable):
         entries = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
-    return scenario_at(cursor_at({"faults": entries}, "faults", FaultError), seed)
+    return scenario_at(yaml_node({"faults": entries}, "faults", FaultError), seed)
 
 
 def _path(name: str, value: Any) -> Path:

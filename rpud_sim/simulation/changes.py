@@ -164,9 +164,9 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> P
                 f"{name} cannot change during a run; those that can are {', '.join(allowed)}"
             )
         PARAMETERS[name].allowed.check(name, values[name])
-    lasting = {name: value for name, value in values.items() if name not in _COMMANDED}
+    others = {name: value for name, value in values.items() if name not in _COMMANDED}
     commands = [_COMMANDED[name](values[name]) for name in _COMMANDED if name in values]
-    actions = [*([Configure(lasting)] if lasting else []), *commands]
+    actions = [*([Configure(others)] if others else []), *commands]
     return PlannedChanges(tuple(Change(0, action) for action in actions))
 
 

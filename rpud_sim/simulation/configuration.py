@@ -31,7 +31,7 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.schema import read
 from rpud_sim.foundation.shown_quantities import quantity_in
-from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml, truth_value
+from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, Feed, Motion
@@ -340,7 +340,7 @@ class ParameterFile:
         whole = open_yaml(path, merge=True)
         if whole.value is None:  # an empty file is one for no node, as for ROS
             whole = dataclasses.replace(whole, value={})
-        sections: dict[str, list[Cursor]] = {}  # by name: a name that comes again keeps its place
+        sections: dict[str, list[YamlNode]] = {}  # by name: a name that comes again keeps its place
         for name, parameters in _sections(whole):
             sections.setdefault(name, []).append(parameters)
             for each in parameters.mapping().values():
@@ -356,9 +356,9 @@ class ParameterFile:
             for each in sections[name]:
                 self.values.update(read(self._of_drill(name, each), _PARAMETERS))
 
-    def _of_drill(self, section: str, cursor: Cursor) -> Cursor:
-        kept, several = {}, "*" in section.rpartition("/")[2]
-        for name, each in cursor.mapping().items():
+    def _of_drill(self, section: str, parameters: YamlNode) -> YamlNode:
+        own, several = {}, "*" in section.rpartition("/")[2]
+        for name, each in parameters.mapping().items():
             if str(name).startswith(OF_ROS):
                 self.of_ros.append(str(name))
             elif several and name not in _PARAMETERS:
@@ -366,8 +366,8 @@ class ParameterFile:
             elif each.place in each.repeated:  # ROS takes the later one, of a mistake
                 raise each.error(f"{name} occurs twice in one section")
             else:
-                kept[name] = each.value
-        return dataclasses.replace(cursor, value=kept)
+                own[name] = each.value
+        return dataclasses.replace(parameters, value=own)
 
 
 def read_parameter_file(
@@ -402,9 +402,9 @@ def _names_in(name: str, value: Any) -> Iterator[str]:
         yield name
 
 
-def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
+def _sections(content: YamlNode, name: str = "") -> Iterator[tuple[str, YamlNode]]:
     """Name and parameters of each section of a ROS parameter file."""
-    for key, each in cursor.mapping().items():
+    for key, each in content.mapping().items():
         if key == "ros__parameters":
             yield name, each
         else:
@@ -412,13 +412,13 @@ def _sections(cursor: Cursor, name: str = "") -> Iterator[tuple[str, Cursor]]:
             yield from _sections(each, f"{name}{separator}{key}")
 
 
-def _check_types(cursor: Cursor) -> None:
+def _check_types(parameters: YamlNode) -> None:
     """Reject what ROS rejects, for every node: a list of values of several types."""
-    value = cursor.value
+    value = parameters.value
     if isinstance(value, list) and len({str if v is None else type(v) for v in value}) > 1:
-        raise cursor.wrong("has values of several types")
+        raise parameters.wrong("has values of several types")
     if isinstance(value, Mapping):
-        for each in cursor.mapping().values():
+        for each in parameters.mapping().values():
             _check_types(each)
 
 

@@ -126,7 +126,7 @@ class FeedAccount(_Terms):
         return self.feed_work + self.host_work
 
     @property
-    def kept(self) -> float:
+    def mount_work(self) -> float:
         """Part of ``work`` that does not reach the RPUD as work of the weight on bit [J].
 
         Guide, host and rock take it, arm and load spring store it, or it is ``coupling``. What a

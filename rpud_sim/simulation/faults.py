@@ -173,7 +173,7 @@ class FaultRecord:
     onset: int  # simulation time at which it began [ns]
     clear: int | None = None  # simulation time at which it ended, None while active [ns]
 
-    def lasts_at(self, time: int) -> bool:
+    def active_at(self, time: int) -> bool:
         """Whether it is active at a simulation time [ns]: from its onset on, before its end."""
         return self.onset <= time and (self.clear is None or time < self.clear)
 
@@ -264,20 +264,20 @@ class SignalFaults:
         self, channel: str, time: int, messages: list[Fields], records: Sequence[FaultRecord]
     ) -> list[Fields]:
         stages = self._stages.setdefault(channel, {})
-        lasting = {
+        active = {
             record.number: record.fault
             for record in records
-            if record.fault.channel == channel and record.lasts_at(time)
+            if record.fault.channel == channel and record.active_at(time)
         }
-        for number in sorted(lasting.keys() - stages.keys()):
+        for number in sorted(active.keys() - stages.keys()):
             last = self._last.get(channel)
             seeds = np.random.SeedSequence(self._seed, spawn_key=(number,))
             message = last.row(len(last) - 1) if last else None
-            magnitude, random = lasting[number].magnitude, np.random.default_rng(seeds)
+            magnitude, random = active[number].magnitude, np.random.default_rng(seeds)
             stages[number] = Stage(channel, magnitude, random, message)
         for number in sorted(stages):
-            if number in lasting:
-                act = lasting[number].declared.signal
+            if number in active:
+                act = active[number].declared.signal
                 messages = act(stages[number], time, messages) if act else messages
             else:  # what still waits when a fault ends goes out
                 messages = [*(fields for _, fields in stages.pop(number).waiting), *messages]

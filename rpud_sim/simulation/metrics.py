@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.rotor import RotorWork
-from rpud_sim.foundation.shown_quantities import figure_quantity
+from rpud_sim.foundation.shown_quantities import metric_quantity
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import TERMS
@@ -34,7 +34,7 @@ from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, sum_a
 # Names and units of the metrics of every run.
 METRICS = MappingProxyType(
     {
-        name: figure_quantity(name).si
+        name: metric_quantity(name).si
         for name in (
             "events",
             "drill_tool_impact_rate",
@@ -211,7 +211,7 @@ class RecentEnergy:
             "stored_power": total.stored,
             "weight_on_bit_power": total.weight_on_bit_work,
             "feed_power": feed.work,
-            "mount_power": feed.kept,
+            "mount_power": feed.mount_work,
             "coupling_power": feed.coupling,
         }
         # A quotient of NaN may have another sign on another processor.

@@ -67,9 +67,9 @@ class PercussionMeter:
         self._pulses = (0.0, 0.0, 0.0)
         self.arrived = 0.0  # energy of all impacts [J]
 
-    def shift(self, way: float) -> None:
+    def shift(self, distance: float) -> None:
         """Count positions from an origin that is further ahead."""
-        self._position -= way
+        self._position -= distance
 
     def add(self, impacts: np.ndarray) -> None:
         """Add ``IMPACT`` records of impacts that have ended."""
@@ -136,8 +136,8 @@ class LoadSpring:
         self._compression = compression
         self._spring_rate = spring_rate
         self._first_stored = stored
-        # Of the last step, until it is in the engine: way of the origin past the bodies [m], and
-        # the part of the preload that this takes [J].
+        # Of the last step, until it is in the engine: distance of the origin past the bodies [m],
+        # and the part of the preload that this takes [J].
         self._passed = self._left = 0.0
         self._first_preload = self._preload(position)
         self._changes = 0.0
@@ -151,12 +151,12 @@ class LoadSpring:
         self._start = position  # of the nodal plane at the last step [m]
 
     def step(self, advance: Advance, spring_rate: float, position: float) -> None:
-        way = self._compression
+        before = self._compression
         change = spring_rate - self._spring_rate
-        self._changes += change * way * (0.5 * way - position)
+        self._changes += change * before * (0.5 * before - position)
         after = advance.compression + advance.passed
         deeper = after - advance.moved
-        self._penetration -= _work(spring_rate, position, way, deeper)
+        self._penetration -= _work(spring_rate, position, before, deeper)
         self._mount_work += _work(spring_rate, position, deeper, after)
         self._compression, self._passed = advance.compression, advance.passed
         self._spring_rate, self._left = spring_rate, 0.0
@@ -173,17 +173,17 @@ class LoadSpring:
         self._damping_force = advance.damping_force
         self._motion_force = advance.damping_force + advance.lead_force
 
-    def shift(self, way: float, work: float) -> None:
+    def shift(self, distance: float, work: float) -> None:
         """Count positions from an origin that is further ahead, by work on the springs [J]."""
-        self._start -= way
+        self._start -= distance
         self._mount_work -= self._left - work
         self._withdrawal += work
         self._passed = self._left = 0.0
 
     def account(self, work: MountWork, position: float) -> FeedAccount:
-        way = position - self._start
-        damper = self._damper - 2.0 * self._damping_force * way
-        motion_work = self._motion_work + self._motion_force * way
+        travel = position - self._start
+        damper = self._damper - 2.0 * self._damping_force * travel
+        motion_work = self._motion_work + self._motion_force * travel
         return FeedAccount(
             feed_work=work.feed,
             host_work=work.host,
@@ -199,8 +199,8 @@ class LoadSpring:
         )
 
     def _preload(self, position: float) -> float:
-        way = self._compression
-        return self._left + _work(self._spring_rate, position - self._passed, 0.0, way)
+        moved = position - self._passed
+        return self._left + _work(self._spring_rate, moved, 0.0, self._compression)
 
 
 def _work(spring_rate: float, position: float, start: float, end: float) -> float:

@@ -35,7 +35,7 @@ def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudC
     )
 
 
-# Energy that the steps of an arm may create in a second beside that of the impacts [J].
+# Energy that the steps of an arm may create in a second, beside the energy of impacts [J].
 LEAST_CREATED = 1.0
 
 
@@ -83,8 +83,9 @@ class Plant:
             nominal = parameters.vibration_amplitude
             self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
             if mount is not None:
-                way, rate = mount.advance.compression, self._pushing_rate()
-                self._load_spring = LoadSpring(mount.state.work.stored, way, rate, position)
+                compression, rate = mount.advance.compression, self._pushing_rate()
+                stored = mount.state.work.stored
+                self._load_spring = LoadSpring(stored, compression, rate, position)
         # furthest time of one advance [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
@@ -149,7 +150,7 @@ class Plant:
             mount.check(motion)
 
     def move(self, motion: Motion) -> None:
-        """Put a motion of the mount into force; a step of the mount ends and one begins here.
+        """Apply a motion of the mount; a step of the mount ends and one begins here.
 
         So what another simulator exchanges acts from its own instants on.
         """

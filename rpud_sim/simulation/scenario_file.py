@@ -12,9 +12,9 @@ import numpy as np
 
 from rpud_sim.foundation.options import SEED
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, shown
-from rpud_sim.foundation.schema import cursor_reader, key, list_of, one_of, raw_reader, read
+from rpud_sim.foundation.schema import key, list_of, node_reader, one_of, raw_reader, read
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
+from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, yaml_node
 from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, in_order
 from rpud_sim.simulation.commands import Drive, DriveChange, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import parse_assignment
@@ -32,19 +32,19 @@ _Bounds = tuple[float, float]  # least and most, which are equal if nothing is d
 class _Uniform:
     """Mapping instead of a number that is drawn."""
 
-    bounds: tuple[Cursor, Cursor] = key(list_of(cursor_reader, 2, 2), name="uniform")
+    bounds: tuple[YamlNode, YamlNode] = key(list_of(node_reader, 2, 2), name="uniform")
 
 
-def _bounds(quantity: Quantity) -> Callable[[Cursor], _Bounds]:
+def _bounds(quantity: Quantity) -> Callable[[YamlNode], _Bounds]:
     """Return the reader of a number, or of two bounds between which it is drawn."""
 
-    def read_bounds(cursor: Cursor) -> _Bounds:
-        if not isinstance(cursor.value, Mapping):
-            number = float(cursor.check(quantity))
+    def read_bounds(node: YamlNode) -> _Bounds:
+        if not isinstance(node.value, Mapping):
+            number = float(node.check(quantity))
             return number, number
-        least, most = (float(each.check(quantity)) for each in read(cursor, _Uniform).bounds)
+        least, most = (float(each.check(quantity)) for each in read(node, _Uniform).bounds)
         if not least <= most:
-            raise cursor.wrong("has its least above its most")
+            raise node.wrong("has its least above its most")
         return least, most
 
     return read_bounds
@@ -58,8 +58,8 @@ class _FaultEntry:
     onset: _Bounds = key(_bounds(ONSET))
     channel: str = key(raw_reader, "")
     duration: _Bounds | None = key(_bounds(DURATION), None)
-    magnitude: Cursor | None = key(
-        cursor_reader, None
+    magnitude: YamlNode | None = key(
+        node_reader, None
     )  # its unit and range belong to kind and channel
 
     def drawn(self, number: int, seed: int) -> tuple[int, Inject]:
@@ -82,15 +82,15 @@ class _FaultEntry:
         return onset, Inject(Fault(self.kind, self.channel, magnitude), duration)
 
 
-def _drive(cursor: Cursor) -> DriveChange:
+def _drive(node: YamlNode) -> DriveChange:
     keys = {"enabled": Flag(""), "voltage": raw_reader, "frequency": raw_reader}
-    change = DriveChange(**{"enabled": True, **read(cursor, keys)})
+    change = DriveChange(**{"enabled": True, **read(node, keys)})
     change.on(Drive(True, 1.0, 1e4))  # checks the numbers
     return change
 
 
-def _feed(cursor: Cursor) -> Feed:
-    return Feed(*one_of({"rate": raw_reader, "position": raw_reader})(cursor))
+def _feed(node: YamlNode) -> Feed:
+    return Feed(*one_of({"rate": raw_reader, "position": raw_reader})(node))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,8 +99,8 @@ class _MountEntry:
     velocity: float = key(raw_reader, 0.0)
 
 
-def _mount(cursor: Cursor) -> MountMotion:
-    return MountMotion(**vars(read(cursor, _MountEntry)))
+def _mount(node: YamlNode) -> MountMotion:
+    return MountMotion(**vars(read(node, _MountEntry)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,7 +108,7 @@ class _CommandEntry:
     """Commands at one time of a command file."""
 
     time: float = key(ONSET)
-    weight_on_bit: WeightOnBit | None = key(lambda cursor: WeightOnBit(cursor.value), None)
+    weight_on_bit: WeightOnBit | None = key(lambda node: WeightOnBit(node.value), None)
     drive: DriveChange | None = key(_drive, None)
     feed: Feed | None = key(_feed, None)
     mount: MountMotion | None = key(_mount, None)
@@ -126,7 +126,7 @@ class _CommandEntry:
             )
 
 
-def parse_commands(listed: Cursor) -> tuple[Change, ...]:
+def parse_commands(listed: YamlNode) -> tuple[Change, ...]:
     """Return the commands of a list in YAML, in the order of their times."""
     entries = list_of(_CommandEntry)(listed)
     return in_order(each for entry in entries for each in entry.planned)
@@ -134,13 +134,13 @@ def parse_commands(listed: Cursor) -> tuple[Change, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class _ScenarioFile:
-    faults: tuple[Cursor, ...] = key(list_of(cursor_reader))
+    faults: tuple[YamlNode, ...] = key(list_of(node_reader))
     seed: int = key(SEED, 0)
 
 
 @dataclasses.dataclass(frozen=True)
 class _CommandFile(_ScenarioFile):
-    faults: tuple[Cursor, ...] = key(list_of(cursor_reader), ())
+    faults: tuple[YamlNode, ...] = key(list_of(node_reader), ())
     commands: tuple[Change, ...] | None = key(parse_commands, None)
 
 
@@ -150,11 +150,11 @@ def read_scenario(path: str | Path, seed: int | None = None) -> tuple[Change, ..
 
 
 def parse_scenario(content: Any, name: str) -> tuple[Change, ...]:
-    return scenario_at(cursor_at(content, name, FaultError))
+    return scenario_at(yaml_node(content, name, FaultError))
 
 
-def scenario_at(top: Cursor, seed: int | None = None) -> tuple[Change, ...]:
-    """Return the faults of the scenario that a cursor is at the top of, with all values drawn.
+def scenario_at(top: YamlNode, seed: int | None = None) -> tuple[Change, ...]:
+    """Return the faults of a scenario from its top YAML node, with all values drawn.
 
     They are in the order of their onsets; faults of one kind on one channel do not overlap.
     """
@@ -164,22 +164,22 @@ def scenario_at(top: Cursor, seed: int | None = None) -> tuple[Change, ...]:
     return _faults(file.faults, file.seed if seed is None else seed)
 
 
-def _faults(entries: Sequence[Cursor], seed: int) -> tuple[Change, ...]:
+def _faults(entries: Sequence[YamlNode], seed: int) -> tuple[Change, ...]:
     found = []
-    for number, cursor in enumerate(entries, 1):
-        entry = read(cursor, _FaultEntry)
-        with cursor.errors():
-            found.append((*entry.drawn(number, seed), number, cursor))
+    for number, node in enumerate(entries, 1):
+        entry = read(node, _FaultEntry)
+        with node.errors():
+            found.append((*entry.drawn(number, seed), number, node))
     found.sort(key=lambda item: item[0])
     latest: dict[tuple[str, str], tuple[int, int]] = {}
-    for onset, action, number, cursor in found:
+    for onset, action, number, node in found:
         fault = action.fault
         other, clear = latest.get((fault.kind, fault.channel), (0, 0))
         if onset < clear:
-            raise cursor.error(f"{fault} begins while entry {other} is active")
+            raise node.error(f"{fault} begins while entry {other} is active")
         end = onset + action.duration if action.duration else NEVER
         latest[fault.kind, fault.channel] = (number, end)
-    return tuple(Change(onset, action, cursor.prefix) for onset, action, _, cursor in found)
+    return tuple(Change(onset, action, node.prefix) for onset, action, _, node in found)
 
 
 def parse_injections(texts: Sequence[str]) -> PlannedChanges:
@@ -195,7 +195,7 @@ def parse_injections(texts: Sequence[str]) -> PlannedChanges:
         if len(dict(keys)) < len(keys):
             raise ParameterError(f"--inject {shown(text)} gives a key twice")
         entries.append({"onset": 0.0, **dict(keys)})
-    return PlannedChanges(scenario_at(cursor_at({"faults": entries}, "--inject")))
+    return PlannedChanges(scenario_at(yaml_node({"faults": entries}, "--inject")))
 
 
 def read_commands(path: str | Path) -> PlannedChanges:

@@ -23,7 +23,7 @@ from rpud_sim.foundation.quantities import (
     suggestion,
 )
 from rpud_sim.foundation.schema import Reader, key, line, list_of, name_in, named, raw_reader, read
-from rpud_sim.foundation.yaml_files import Cursor, open_yaml
+from rpud_sim.foundation.yaml_files import YamlNode, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import subscribed
@@ -37,7 +37,7 @@ _MOST_RUNS = 100_000
 _ELSEWHERE = {"seed": "give seeds", "faults": "give them to a scenario"}
 
 
-def _answer(cursor: Cursor) -> str:
+def _answer(cursor: YamlNode) -> str:
     name = line(cursor)
     if name in TOPICS:
         raise cursor.wrong("is a topic of the drill itself")
@@ -46,7 +46,7 @@ def _answer(cursor: Cursor) -> str:
     return name
 
 
-def _pattern(cursor: Cursor) -> str:
+def _pattern(cursor: YamlNode) -> str:
     try:
         re.compile(line(cursor))
     except re.error as error:
@@ -126,11 +126,11 @@ def _launch_text(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _folder_of(cursor: Cursor) -> Path:
+def _folder_of(cursor: YamlNode) -> Path:
     return Path(cursor.file).parent.absolute()
 
 
-def _system(cursor: Cursor) -> CampaignSystem:
+def _system(cursor: YamlNode) -> CampaignSystem:
     system: CampaignSystem = read(cursor, CampaignSystem)
     if bool(system.command) == bool(system.launch):
         raise cursor.error("system needs either command or launch")
@@ -141,10 +141,10 @@ def _system(cursor: Cursor) -> CampaignSystem:
     return system
 
 
-def _options(values: Reader) -> Callable[[Cursor], dict[str, Any]]:
+def _options(values: Reader) -> Callable[[YamlNode], dict[str, Any]]:
     """Return the reader of options of the drill by name; their values are checked together."""
 
-    def read_options(cursor: Cursor) -> dict[str, Any]:
+    def read_options(cursor: YamlNode) -> dict[str, Any]:
         found = named(values)(cursor)
         for name, hint in _ELSEWHERE.items():
             if name in found:
@@ -154,7 +154,7 @@ def _options(values: Reader) -> Callable[[Cursor], dict[str, Any]]:
     return read_options
 
 
-def _expectations(cursor: Cursor) -> tuple[Expectation, ...]:
+def _expectations(cursor: YamlNode) -> tuple[Expectation, ...]:
     if not isinstance(cursor.value, str):
         return parse_expectations(cursor)
     return read_expectations(find_file(cursor.value, "expectations", (_folder_of(cursor),)))
@@ -167,7 +167,7 @@ class _Scenario:
     parameters: Mapping[str, Any] = key(_options(raw_reader), {})
 
 
-def _scenario(cursor: Cursor) -> _Scenario:
+def _scenario(cursor: YamlNode) -> _Scenario:
     found: _Scenario = read(dataclasses.replace(cursor, value=cursor.value or {}), _Scenario)
     return found
 
@@ -231,7 +231,7 @@ def read_campaign(path: str | Path) -> Campaign:
     )
 
 
-def _runs(top: Cursor, file: _CampaignFile) -> list[CampaignRun]:
+def _runs(top: YamlNode, file: _CampaignFile) -> list[CampaignRun]:
     varied = file.parameters
     _setup(file.drill, top.get("drill"))
     for name, values in varied.items():
@@ -255,7 +255,7 @@ def _runs(top: Cursor, file: _CampaignFile) -> list[CampaignRun]:
     return runs
 
 
-def _setup(options: Mapping[str, Any], cursor: Cursor) -> DrillSetup:
+def _setup(options: Mapping[str, Any], cursor: YamlNode) -> DrillSetup:
     """Return the drill of options; an error has the line of the option that it names."""
     with cursor.errors():
         return drill_setup(options, (_folder_of(cursor),), cursor)

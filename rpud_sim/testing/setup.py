@@ -18,7 +18,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
     suggestion,
 )
-from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
+from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, yaml_node
 from rpud_sim.simulation.changes import Inject
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
@@ -59,7 +59,7 @@ class DrillSetup:
 
 
 def drill_setup(
-    options: Mapping[str, Any], folders: Sequence[Path] = (), place: Cursor | None = None
+    options: Mapping[str, Any], folders: Sequence[Path] = (), place: YamlNode | None = None
 ) -> DrillSetup:
     """Return the drill that options describe.
 
@@ -97,7 +97,7 @@ def drill_setup(
     values.pop("seed", None)
     scenario, injected = NO_FAULTS, tuple[Fault, ...]()
     if faults is not None:
-        place = place or cursor_at(options, "faults", FaultError)
+        place = place or yaml_node(options, "faults", FaultError)
         scenario, injected = _scenario(faults, folders, settings.configuration, place)
     return DrillSetup(values, settings.seed, scenario, namespace, injected)
 
@@ -118,7 +118,7 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
 
 
 def _scenario(
-    faults: Any, folders: Sequence[Path], configuration: Configuration, place: Cursor
+    faults: Any, folders: Sequence[Path], configuration: Configuration, place: YamlNode
 ) -> tuple[str, tuple[Fault, ...]]:
     """Return the content of a scenario file, and its faults."""
     if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:

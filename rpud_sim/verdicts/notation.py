@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import rpud_sim.verdicts.formulas as f
 from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
 from rpud_sim.foundation.schema import Reader, key, line, list_of, raw_reader, read
-from rpud_sim.foundation.yaml_files import Cursor, open_yaml
+from rpud_sim.foundation.yaml_files import YamlNode, open_yaml
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
     NUMBER,
@@ -121,7 +121,7 @@ def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     return tuple(read(open_yaml(path, error=ExpectationError), _ExpectationFile).expectations)
 
 
-def parse_expectations(cursor: Cursor) -> tuple[Expectation, ...]:
+def parse_expectations(cursor: YamlNode) -> tuple[Expectation, ...]:
     """Return the expectations of a list."""
     found: dict[str, Expectation] = {}
     for entry, expectation in zip(cursor.sequence(), list_of(_expectation, 1)(cursor), strict=True):
@@ -131,13 +131,13 @@ def parse_expectations(cursor: Cursor) -> tuple[Expectation, ...]:
     return tuple(found.values())
 
 
-def _expectation(cursor: Cursor) -> Expectation:
+def _expectation(cursor: YamlNode) -> Expectation:
     entry: _ExpectationEntry = read(cursor, _ExpectationEntry)
     with cursor.get("expect").errors():
         return Expectation(entry.name, entry.expect, entry.requirement)
 
 
-def to_formula(cursor: Cursor) -> f.Formula:
+def to_formula(cursor: YamlNode) -> f.Formula:
     """Return the formula of a plain value.
 
     The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``_FORMS``.
@@ -162,7 +162,7 @@ def to_formula(cursor: Cursor) -> f.Formula:
         return form.make(**fields)
 
 
-def _form(cursor: Cursor) -> _Form:
+def _form(cursor: YamlNode) -> _Form:
     """Return the form of a mapping: that with the first key, and of two that with most keys."""
     keys = [str(key) for key in cursor.mapping()]
     forms = [form for form in _FORMS if next(iter(form.fields)) in keys]
@@ -183,7 +183,7 @@ def _comparison(text: str) -> f.Compare | f.HasText:
     return _about(signal(match[1] or match[3]), match[2] or match[4])
 
 
-def _number(cursor: Cursor) -> tuple[str, Number]:
+def _number(cursor: YamlNode) -> tuple[str, Number]:
     value = cursor.value
     match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
     if match is None or match[3]:
@@ -191,7 +191,7 @@ def _number(cursor: Cursor) -> tuple[str, Number]:
     return _operator(match[1]), Number(*parse_quantity(match[2]))
 
 
-def _between(cursor: Cursor) -> Any:
+def _between(cursor: YamlNode) -> Any:
     if not isinstance(cursor.value, list):
         return cursor.value
     return [None if each in ("end", None) else each for each in cursor.value]

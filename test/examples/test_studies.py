@@ -111,5 +111,5 @@ def test_the_free_mass_decides_most_figures(optional_packages, capsys):
     sobol.main(16, 1.0)
     lines = capsys.readouterr().out.splitlines()
     heads = [number for number, line in enumerate(lines) if not line.startswith(" ")]
-    assert len(heads) == len(sobol.FIGURES)
+    assert len(heads) == len(sobol.METRICS)
     assert sum("free_mass" in lines[number + 1] for number in heads) >= 2

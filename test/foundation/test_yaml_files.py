@@ -11,7 +11,7 @@ from support import refusal
 
 from rpud_sim.foundation.quantities import Choice, Flag, ParameterError, Quantity
 from rpud_sim.foundation.schema import key, line, list_of, name_in, named, one_of, read
-from rpud_sim.foundation.yaml_files import MOST_BYTES, cursor_at, open_yaml, parse_yaml
+from rpud_sim.foundation.yaml_files import MOST_BYTES, open_yaml, parse_yaml, yaml_node
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_reader_returns_what_the_declarations_say():
         "rocks": {"first one": "basalt"},
         "feed": {"rate": 1},
     }
-    assert read(cursor_at(content, "f"), READERS) == {
+    assert read(yaml_node(content, "f"), READERS) == {
         "parts": (Part(1.0), Part(0.5, "soft")),
         "rocks": {"first one": "basalt"},
         "feed": ("rate", 1.0),
@@ -180,12 +180,12 @@ def test_an_error_names_file_and_line_or_path(tmp_path, monkeypatch, text, with_
     monkeypatch.chdir(tmp_path)
     (tmp_path / "f.yaml").write_text(text)
     top = open_yaml("f.yaml")
-    for cursor, said in ((top, with_line), (cursor_at(top.value, "f.yaml"), with_path)):
-        assert refusal(read, cursor, READERS).startswith(f"f.yaml:{said}")
+    for node, said in ((top, with_line), (yaml_node(top.value, "f.yaml"), with_path)):
+        assert refusal(read, node, READERS).startswith(f"f.yaml:{said}")
 
 
 def test_errors_of_other_code_get_the_place_once():
-    entry = cursor_at([1], "--inject").sequence()[0]
+    entry = yaml_node([1], "--inject").sequence()[0]
     with (
         pytest.raises(ParameterError, match=r"^--inject: \[0\]: text$"),
         entry.errors(),

@@ -100,7 +100,7 @@ def test_a_fault_touches_measurements_alone_and_only_while_it_lasts(run, kind, c
         for (path, value), (_, true) in zip(leaves(out), leaves(original), strict=True):
             assert path in measured or value == true
             assert type(value) is type(true)
-        if not given.lasts_at(stamp_of(out) - ORIGIN):
+        if not given.active_at(stamp_of(out) - ORIGIN):
             assert out == original
     stamps = [stamp_of(out) for _, out in published]
     assert stamps == sorted(stamps)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpud_sim.foundation.yaml_files import cursor_at
+from rpud_sim.foundation.yaml_files import yaml_node
 from rpud_sim.verdicts import (
     Active,
     Becomes,
@@ -87,7 +87,7 @@ UNDERSTOOD = [
 @pytest.mark.parametrize(("plain", "formula"), UNDERSTOOD, ids=lambda each: str(each)[:40])
 def test_a_form_is_understood_and_written_again(plain, formula):
     for each in (plain, to_plain(formula)):
-        assert to_formula(cursor_at(each, "test")) == formula
+        assert to_formula(yaml_node(each, "test")) == formula
     Expectation("it", formula)
 
 
