@@ -38,13 +38,13 @@ _OTHERS = {
     b"\0\5\x16\7": ("a file of macOS beside the real one", "open the file without ._"),
 }
 _TAR = b"ustar", ("a tar archive", f"{_UNPACK}tar xf {{}}")
-_TAR_PLACE = 257  # of its mark [bytes]
+_TAR_PLACE = 257  # offset of its mark [bytes]
 
 
 class BagFiles(NamedTuple):
     """Storage files of a bag."""
 
-    files: tuple[Path, ...]  # in the order of the metadata
+    files: tuple[Path, ...]  # storage files, in the order of the metadata
     missing: tuple[str, ...] = ()  # missing files that the metadata lists, in words
     warnings: tuple[str, ...] = ()  # what a user should know of the choice
     gaps: tuple[str, ...] = ()  # missing files, by gaps in the numbers of the others, in words
@@ -188,7 +188,7 @@ def _place(document: Path, name: str) -> Path | None:
     plain = [PurePosixPath(own), PurePosixPath(own.replace("\\", "/"))]
     inside = [each for each in plain if not each.is_absolute() and ".." not in each.parts]
     for place in (*inside, PurePosixPath(plain[1].name)):
-        with suppress(OSError, ValueError):  # of a name that is too long, or has a zero
+        with suppress(OSError, ValueError):  # a name that is too long, or has a zero
             if place.name not in ("", "..") and (document.parent / place).exists():
                 return document.parent / place
     if not inside:

@@ -73,7 +73,8 @@ class Contents:
     chunks: list[ChunkPlace] = field(default_factory=list)
     metadata: list[tuple[str, int]] = field(default_factory=list)  # names and offsets of records
     counts: Mapping[int, int] = field(default_factory=dict)  # messages by channel
-    times: list[int] = field(default_factory=list)  # of messages, the first and last ones [ns]
+    # log times of messages, the first and last ones [ns]
+    times: list[int] = field(default_factory=list)
     # Log times of the first and last message by channel [ns]; None without a walk.
     spans: dict[int, tuple[int, int]] | None = None
     # Messages outside of chunks; None until they are looked for.

@@ -35,7 +35,7 @@ _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 class BagChunk:
     """Chunk of a bag, or consecutive messages outside of chunks, which can be read by itself."""
 
-    file: McapFile  # that has it
+    file: McapFile  # file that contains it
     place: ChunkPlace  # in the file
 
     @property
@@ -99,8 +99,10 @@ class McapFile:
         self.start_time = min(contents.times, default=0)
         self.end_time = max(contents.times, default=0)
         self.unread_offers: dict[str, str] = {}  # why offers are left out, by topic
-        self._definitions: dict[int, tuple[str | None, str]] = {}  # by schema
-        self._spans: dict[int, dict[int, tuple[int, int]]] = {}  # of chunks without indexes
+        # definition, or None and the reason, by schema
+        self._definitions: dict[int, tuple[str | None, str]] = {}
+        # log times by channel, of chunks without indexes
+        self._spans: dict[int, dict[int, tuple[int, int]]] = {}
         # Compressions of the chunks; an empty text for those without.
         self.compressions = {each.compression for each in contents.chunks}
         # Of each topic; each publisher may have had its own.
@@ -275,7 +277,7 @@ def _batches_in(
     data = np.frombuffer(content, np.uint8)
     names: dict[str, int] = {}
     held = np.bincount(heads["channel"])
-    numbers = np.full(len(held), -1)  # of the topic of each channel; -1 if it is not wanted
+    numbers = np.full(len(held), -1)  # number of each channel's topic; -1 if it is not wanted
     for channel in np.flatnonzero(held).tolist():
         if channel not in declared:
             raise BagFormatError(f"it has messages of channel {channel}, undeclared; {REMEDY}")

@@ -273,7 +273,7 @@ class MessageRecords:
     data: np.ndarray  # their bytes, uint8
     ends: np.ndarray  # where each ends in ``data``, int64, shape (n,)
     channels: np.ndarray  # number of the channel of each, shape (n,)
-    log_times: np.ndarray  # of each [ns], shape (n,)
+    log_times: np.ndarray  # log time of each [ns], shape (n,)
 
 
 def interleaved(batches: Sequence[tuple[int, Batch]]) -> MessageRecords:

@@ -29,7 +29,7 @@ from rpud_sim.messages.errors import MALFORMED, BagFormatError, parsing
 FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
-OFFERED_QOS_KEY = "offered_qos_profiles"  # in the metadata of a channel
+OFFERED_QOS_KEY = "offered_qos_profiles"  # key in the metadata of a channel
 VERSION = 9
 
 LOSSES_RECORD = "rpud_losses"  # metadata record with the ``Losses`` of each topic
@@ -68,7 +68,7 @@ class QosProfile:
     """
 
     history: str = "unknown"  # policy
-    depth: int = 0  # of the history
+    depth: int = 0  # depth of the history
     reliability: str = "reliable"  # policy
     durability: str = "volatile"  # policy
     deadline: int = INFINITE  # [ns]
@@ -110,7 +110,7 @@ class Topic:
     type: str  # such as ``std_msgs/msg/Header``
     type_hash: str = ""  # ``RIHS01_...`` hash of the type; empty if it is unknown
     offered_qos: tuple[QosProfile, ...] = ()  # quality of service of each publisher
-    serialization_format: str = "cdr"  # of the messages
+    serialization_format: str = "cdr"  # serialization of the messages
 
 
 @dataclass(frozen=True)
@@ -199,8 +199,8 @@ class ReadMetadata(NamedTuple):
 
     storage_identifier: str
     relative_file_paths: tuple[str, ...]
-    compression_mode: str  # of whole files or messages; MCAP chunks have another one
-    message_counts: Mapping[str, int]  # of files, by their paths; empty before version 5
+    compression_mode: str  # mode for whole files or messages; MCAP chunks have another one
+    message_counts: Mapping[str, int]  # counts of files, by their paths; empty before version 5
 
 
 def metadata_of(files: Sequence[FileInformation], counts: Mapping[Topic, int]) -> dict[str, Any]:

@@ -26,15 +26,15 @@ class Manifest:
     """Origin of a run, as far as its recorder knows it."""
 
     node: str = ""  # full name of the drill; empty without one
-    time: int = 0  # of the parameters [ns since the epoch]
+    time: int = 0  # time of the parameters [ns since the epoch]
     parameters: Mapping[str, Any] = field(default_factory=dict)  # all parameters of the drill
-    # text of the drill's scenario; empty without one, None if it is unknown, as to a recorder: the
-    # journal has the faults as they were drawn
+    # text of the drill's scenario; empty without one, None if unknown, as for a recorder: the
+    # journal contains the faults as they were drawn
     scenario: str | None = ""
     command: tuple[str, ...] = ()  # command line of the program that wrote the bag
-    versions: Mapping[str, str] = field(default_factory=dict)  # of the software of that program
+    versions: Mapping[str, str] = field(default_factory=dict)  # versions of that program's software
     machine: str = ""  # architecture and processor of its computer
-    # of a fork: the ``bag`` and the ``run`` in it, the instant ``at`` [s], the ``journal``'s
+    # origin of a fork: ``bag`` and ``run`` in it, the instant ``at`` [s], the ``journal``'s
     # SHA-256 up to there, and the ``changes``
     forked_from: Mapping[str, Any] = field(default_factory=dict)
 
@@ -110,7 +110,7 @@ class RunVerdict:
 
     test: str  # its name
     verdict: str  # ``passed``, ``failed`` or ``undecided``
-    seed: str  # of all random numbers
+    seed: str  # seed of all random numbers
     requirements: tuple[str, ...] = ()  # each with its verdict, value and time, in one line
     failed_at: tuple[float, ...] = ()  # simulation times of failures [s]
 

@@ -40,7 +40,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)  # that the bag was opened with
+        self.path = Path(path)  # path that was opened
         self._opened = ExitStack()
         try:
             found = storage_files(self.path)
@@ -57,7 +57,7 @@ class BagReader:
         said += [f"{file} {unread}" for file in found.unlisted]
         for text in (*said, *(file.warning for file in self._files if file.warning)):
             warnings.warn(BagWarning(text), stacklevel=3)
-        self.size = sum(file.size for file in self._files)  # of the storage files [bytes]
+        self.size = sum(file.size for file in self._files)  # size of the storage files [bytes]
         # Statistics of a file without messages report that it starts at 0.
         self._filled = [file for file in self._files if file.message_count]
 

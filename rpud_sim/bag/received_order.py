@@ -21,8 +21,8 @@ class _Steps(NamedTuple):
 
     first: int  # log time of the message that was written first [ns]
     last: int  # log time of the message that was written last [ns]
-    total: int  # of all steps [ns]
-    # of each chunk, the places from which on log times are earlier, and by how much [ns]
+    total: int  # sum of all steps [ns]
+    # by chunk, the places from which on log times are earlier, and by how much [ns]
     chunks: list[tuple[np.ndarray, np.ndarray]]
 
 

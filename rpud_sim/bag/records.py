@@ -44,9 +44,9 @@ HEAD = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])  # of a message index
+ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])  # entry of a message index
 
-_ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
+_ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # records that are left out if they are too large
 _KINDS: dict[int, Any] = {
     Opcode.CHANNEL: kinds.Channel,
     Opcode.CHUNK: Chunk,

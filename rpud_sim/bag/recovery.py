@@ -102,7 +102,7 @@ def files_to_recover(torn: str | os.PathLike[str]) -> BagFiles:
         found = storage_files(path)
     except OtherStorageError:
         raise
-    except BagFormatError:  # of the metadata
+    except BagFormatError:  # damaged metadata
         found = BagFiles(())
     folder = path.parent if path.name == FILE_NAME and path.is_file() else path
     files = [file for file in found.files if file.is_file()]
@@ -129,7 +129,7 @@ class _TruncatedFile:
         self._numbers = numbers
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag
+        self._number_of: dict[int, int] = {}  # number in the new bag by the file's channel
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
         self._unknown = 0  # messages of undeclared channels
@@ -257,7 +257,7 @@ class _TruncatedFile:
         known &= np.isin(heads["channel"], [*self._channels])
         self._unknown += int((~known).sum())
         places, heads = places[known], heads[known]
-        numbers = np.zeros(2**16, np.int64)  # in the new bag
+        numbers = np.zeros(2**16, np.int64)  # numbers in the new bag
         channels, counts = np.unique(heads["channel"], return_counts=True)
         for channel, count in zip(channels.tolist(), counts.tolist(), strict=True):
             numbers[channel] = self._number(channel)

@@ -15,8 +15,8 @@ _SHOWN = 1000  # damages that are stored one by one
 class TopicRecovery:
     """Recovered and lost messages of one topic."""
 
-    name: str  # of the topic
-    type: str  # of its messages
+    name: str  # name of the topic
+    type: str  # type of its messages
     recovered: int = 0  # messages in the new bag
     unchecked: int = 0  # recovered messages without a checksum
     lost: int = 0  # messages that are known to have been in the file
@@ -28,8 +28,8 @@ class TopicRecovery:
 class Recovery:
     """Result of a recovery."""
 
-    path: Path  # of the new bag
-    topics: dict[str, TopicRecovery] = field(default_factory=dict)  # by their names
+    path: Path  # path of the new bag
+    topics: dict[str, TopicRecovery] = field(default_factory=dict)  # topics by their names
     # whether every file has the end of a closed one. If not, the messages that its recorder
     # had not written yet are missing.
     closed: bool = True

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import pandas
 
 # Sizes of decoded messages, as ``Shape.most`` bounds them [bytes].
-BATCH_SIZE = 64 * 2**20  # of a batch
-ARRAY_SIZE = 4 * 2**20  # of messages copied into arrays together: a processor's cache holds them
-TOTAL_SIZE = 256 * 2**20  # of all topics' messages that wait to become batches
+BATCH_SIZE = 64 * 2**20  # greatest size of a batch
+ARRAY_SIZE = 4 * 2**20  # size of messages copied into arrays together: a cache holds them
+TOTAL_SIZE = 256 * 2**20  # size of all topics' messages that wait to become batches
 
 _MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
 
@@ -108,7 +108,7 @@ class Table:
             batch = batch.part(fields.rows)
         try:
             return self._batch(batch, fields.columns)
-        except BagFormatError:  # of a block whose rows have no time, or too few values
+        except BagFormatError:  # a block has rows without a time, or too few values
             if leave_out is None:
                 raise
         fitting = []
@@ -201,7 +201,7 @@ class Tables:
         """
         limit = limit or BATCH_SIZE
         waiting: dict[str, list[Batch]] = {name: [] for name in tables}
-        sizes = dict.fromkeys(tables, 0)  # of what waits
+        sizes = dict.fromkeys(tables, 0)  # size of waiting messages
         total = 0
 
         def decoded(name: str) -> RowTable:

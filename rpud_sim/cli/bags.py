@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from rpud_sim.recorded.compare import Comparison
     from rpud_sim.recorded.verify import Verification
 
-_COUNTS = ("equal", "different", "unexpected", "head", "missing", "tail", "before")  # of messages
+# counts of messages
+_COUNTS = ("equal", "different", "unexpected", "head", "missing", "tail", "before")
 _FORMATS = ("parquet", "csv")
 _RATE = Quantity("Hz", "of the samples", 1.0, 1e9, whole=True)  # time is whole nanoseconds
 
@@ -291,7 +292,7 @@ def _complain_of_parts(program: str, written: Any) -> None:
 
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
-_MOST_LINES = 40  # of a table of settings; the page and --json have all
+_MOST_LINES = 40  # rows of a table of settings; the page and --json have all
 
 
 def _each(name: str, metavar: str = "N") -> dict[str, Any]:

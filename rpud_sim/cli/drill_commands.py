@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from rpud_sim.ros.client.listening_node import ListeningNode
 
 _COUNT = Quantity("", "a number of messages", 1, 2**63 - 1, whole=True)
-_WIDTH = 2**31 - 1  # of a line of YAML: no text is folded
-_WAIT = 0.1  # between looks at the clock and at signals [s]
+_WIDTH = 2**31 - 1  # width of a line of YAML: no text is folded
+_WAIT = 0.1  # time between looks at the clock and at signals [s]
 
 
 _DRILL: Fields = {  # options of every command on a running drill

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Opened = TypeVar("Opened")
 
-_FAULTS_LISTED = 10  # in the summary
+_FAULTS_LISTED = 10  # greatest number of faults in the summary
 
 _LOG_FORMAT = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
 _ROS_LOG_FORMAT = "[{severity}] [{time}] [{name}]: {message}"

@@ -23,7 +23,7 @@ RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 # Groups of options by a rule; any other name of a group is a title.
 AT_MOST_ONE = "at most one"
 
-_METAVARS = {"": "N", "%": "PERCENT"}  # of units without a word
+_METAVARS = {"": "N", "%": "PERCENT"}  # metavars of units without a word
 
 Fields: TypeAlias = Mapping[str, Any]  # declarations of options by name, in their order
 
@@ -163,7 +163,7 @@ def new_output(arguments: argparse.Namespace, fields: Fields) -> Iterator[None]:
     if out.is_dir() and not any((out / mark).is_file() for mark in marks):
         raise ExpectedError(f"{out} is not a folder of rpud; --force does not replace it")
     aside = out.with_name(f"{out.name}.replaced")
-    if os.path.lexists(aside):  # of a command that was killed, or of the user
+    if os.path.lexists(aside):  # remains of a killed command, or a file of the user
         raise ExpectedError(f"{aside} exists already; move it away before you use --force")
     previous = out.rename(aside)
     try:

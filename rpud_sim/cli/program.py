@@ -198,9 +198,9 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self.seen = False  # whether there was one of them
-        self.code = _SIGNAL + signal.SIGINT  # of the program after it
+        self.code = _SIGNAL + signal.SIGINT  # exit code of the program after it
         for number in ENDING:
-            if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup and a shell's & set it
+            if signal.getsignal(number) is not signal.SIG_IGN:  # nohup and a shell's & set SIG_IGN
                 signal.signal(number, self._handle)
         signal.signal(signal.SIGALRM, self._handle)
         sys.unraisablehook = self._report

@@ -46,12 +46,12 @@ WATCHED_STRATA = (
 )
 
 _PROGRAM = "rpud run"
-_PAGE_START = 60.0  # that the page's server may take to start on a busy machine [s]
-_PAGE_END = 10.0  # that it may take to end [s]
+_PAGE_START = 60.0  # time for the page's server to start on a busy machine [s]
+_PAGE_END = 10.0  # time for it to end [s]
 _RECORDER_START = 15.0  # s
 _RECORDER_END = 30.0  # s
 _NO_BAG = "stopped before the recording began: there is no bag"
-_READY = "recording\n"  # that the recorder prints when it records
+_READY = "recording\n"  # printed by the recorder when it records
 
 
 @command(
@@ -259,7 +259,7 @@ def _no_page(server: ChildProcess) -> str:
     return errors[-1].removeprefix("rpud watch: ") if errors else "it ended"
 
 
-_SEARCH_TIME = 1.0  # for drills before the addresses are printed [s]
+_SEARCH_TIME = 1.0  # time to look for drills before the addresses are printed [s]
 _SEARCH_PERIOD = 0.05  # s
 
 
@@ -275,7 +275,7 @@ _SEARCH_PERIOD = 0.05  # s
     port=option(DEFAULT_PORT, "port of the page, 0 for a free one", PORT, metavar="P"),
     address=option("127.0.0.1", "address to listen on; remote ones need the token", metavar="A"),
     open=option(False, "open the page in the browser"),
-    beside_drill=option(False, argparse.SUPPRESS),  # as `rpud run` starts it
+    beside_drill=option(False, argparse.SUPPRESS),  # `rpud run` starts it with this
 )
 def _watch(options: Any) -> int:
     return _watch_drills(options) if options.bag is None else _watch_bag(options, options.bag)

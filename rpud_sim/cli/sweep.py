@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas
 
 _SEEDS = Quantity("", "runs at each point", 1, 1e6, whole=True)
-_SHOWN = (  # in the table; the file has all
+_SHOWN = (  # columns in the table; the file has all
     "drill_tool_impact_rate",
     "contact_force_mean",
     "energy_absorbed_rate",

@@ -48,8 +48,8 @@ class Arm:
 class SpringLoad(NamedTuple):
     """Force of the drill on the mount, away from the rock, by the mount's position."""
 
-    spring_rate: float  # of the load spring [N/m]
-    damping: float  # of the load spring [N s/m]
+    spring_rate: float  # rate of the load spring [N/m]
+    damping: float  # damping of the load spring [N s/m]
     origin: float  # position of the mount at which the load spring has no preload [m]
     push: float  # constant force toward the rock [N]
 
@@ -65,12 +65,12 @@ class SpringLoad(NamedTuple):
 class Move(NamedTuple):
     """Motion of the mount, with its energies."""
 
-    position: float  # of the mount at the end [m]
+    position: float  # position of the mount at the end [m]
     slipped: float = 0.0  # travel of the host [m]
     damper: float = 0.0  # energy that friction of the guide and damping of the load spring took [J]
     slip: float = 0.0  # energy that the host's slipping took [J]
-    work: float = 0.0  # on the drill [J]
-    shift_work: float = 0.0  # that moved the place at rest [J]
+    work: float = 0.0  # work on the drill [J]
+    shift_work: float = 0.0  # work that moved the place at rest [J]
 
 
 def move_freely(arm: Arm, load: SpringLoad, position: float, rest: float, interval: float) -> Move:

@@ -77,9 +77,9 @@ class BitParameters(ParameterGroup):
 class Cut(NamedTuple):
     """Cut and torques of a bit on the bottom of its hole, immutable."""
 
-    depth: float = 0.0  # of the cut in one turn, if the tool turns [m]
-    cutting_torque: float = 0.0  # that cuts the rock [N m]
-    friction_torque: float = 0.0  # of the wear flats on the rock [N m]
+    depth: float = 0.0  # depth of the cut in one turn, if the tool turns [m]
+    cutting_torque: float = 0.0  # torque that cuts the rock [N m]
+    friction_torque: float = 0.0  # torque of the wear flats on the rock [N m]
 
 
 NO_CUT = Cut()
@@ -91,7 +91,7 @@ def excess(pulses: Pulses, force: float) -> float:
     if not peak > force:
         return 0.0
     rest = math.sqrt((peak - force) * (peak + force))
-    angle = arc_tangent(rest, force)  # from the crest to where the pulse has this force
+    angle = arc_tangent(rest, force)  # angle from the crest to where the pulse has this force
     return 2.0 * pulses.duration / math.pi * (rest - force * angle)
 
 
@@ -155,7 +155,7 @@ class Cuttings:
 
     def __init__(self, bit: BitParameters) -> None:
         self._bit = bit
-        self.volume = 0.0  # in the hole [m^3]
+        self.volume = 0.0  # volume of cuttings in the hole [m^3]
 
     def filling(self, depth: float, clogged: float = 0.0) -> float:
         """Share of the flutes that is full, 0 to 1; a fault may clog some of the rest."""
@@ -250,7 +250,7 @@ STEEPEST = 48.0
 class BoreholeState:
     """State of the borehole at one time, immutable."""
 
-    depth: float = 0.0  # of the hole [m]
+    depth: float = 0.0  # depth of the hole [m]
     penetration_rate: float = 0.0  # mean over the last second [m/s]
     layer: str = ""  # name of the layer at the bottom; empty below the rock
     # energy for one unit of volume over the last second, after Teale [J/m^3]; NaN while the
@@ -258,7 +258,7 @@ class BoreholeState:
     specific_energy: float = math.nan
     packed_cuttings: float = 0.0  # volume of cuttings in the flutes [m^3]
     bit_wear: float = 0.0  # 0 for a new bit, 1 for a blunt one, more beyond
-    side_offset: float = 0.0  # by which the bit has walked sideways at the start of the hole [m]
+    side_offset: float = 0.0  # how far the bit walked sideways at the start of the hole [m]
 
 
 class Borehole:
@@ -279,11 +279,11 @@ class Borehole:
         self._deepest = deepest
         self._cuttings = Cuttings(bit)
         self._recent = RecentDrilling()
-        self._depth = self._tip = 0.0  # of the hole, and of the tool in it [m]
+        self._depth = self._tip = 0.0  # depth of the hole, and of the tool in it [m]
         self._layer = 0
         self._through = False
         self._wear_flat = bit.bit_wear_flat
-        self._worn_factor, self._clogged = 1.0, 0.0  # by faults in the last step
+        self._worn_factor, self._clogged = 1.0, 0.0  # effects of faults in the last step
         self._side_offset = 0.0
         self._energy = 0.0  # spent on drilling so far [J]
 
@@ -394,7 +394,7 @@ class Borehole:
         flat, new = self._wear_flat * disturbances.worn_factor, self._bit.bit_wear_flat
         blunt = flat / new if flat > new > 0.0 else 1.0
         clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
-        left = disturbances.progress * clearance  # of the depth without anything in the way
+        left = disturbances.progress * clearance  # share of the depth without anything in the way
         while left > 0.0 and not self._through and self._depth < self._deepest:
             layer, deeper = self._layer_under(disturbances), 0.0
             breaking = energy - layer.threshold_energy * hardness * blunt

@@ -28,7 +28,7 @@ FEED_MODES = (RATE, POSITION)
 FEED_MODE = Choice("motion of the feed", FEED_MODES)
 FEED_RATE = Quantity("m/s", "rate of the feed toward the rock", -1.0, 1.0)
 FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0, 1.0)
-Limits = Mapping[str, Quantity]  # of position and rate
+Limits = Mapping[str, Quantity]  # limits of position and rate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -184,7 +184,7 @@ class MountWork:
     damper: float = 0.0  # lost in the friction of the guide
     slip: float = 0.0  # lost where the host slips by the force of the arm
     host: float = 0.0  # work of a host that slips by itself, by a fault
-    stored: float = 0.0  # in the arm's spring now
+    stored: float = 0.0  # energy in the arm's spring now
     drill: float = 0.0  # work on the drill, against its reacting force
 
 
@@ -196,17 +196,17 @@ class MountState:
     arm just touches the rock before drilling.
     """
 
-    position: float  # of the mount [m]
+    position: float  # position of the mount [m]
     feed: float  # position of the feed's drive [m]
-    rate: float  # of the feed's drive [m/s]
-    force: float  # of the arm on the mount, toward the rock [N]
+    rate: float  # rate of the feed's drive [m/s]
+    force: float  # force of the arm on the mount, toward the rock [N]
     weight_on_bit: float  # force of the load spring, compressed between mount and rock [N]
     in_contact: bool  # whether the drill tool is in the rock
     slip: float  # travel of the host since time zero, toward the rock [m]
-    bottom: float  # of the hole [m]; infinite if there is none
+    bottom: float  # bottom of the hole [m]; infinite if there is none
     # Within a step the force of the drill on the mount follows a deviation of the mount by these.
-    stiffness: float  # of the load spring [N/m]
-    damping: float  # of the load spring [N s/m]
+    stiffness: float  # rate of the load spring [N/m]
+    damping: float  # damping of the load spring [N s/m]
     swings: bool  # whether the velocity of a given motion changes its sign each time, undamped
     work: MountWork = MountWork()  # energies since time zero
 
@@ -219,8 +219,9 @@ class Advance(NamedTuple):
     moved: float = 0.0  # distance of the mount past the bodies' places [m]
     passed: float = 0.0  # distance of the origin past the bodies' places [m]
     dragged: float = 0.0  # loss in the damping by the velocity of the mount alone [J]
-    damping_force: float = 0.0  # on the RPUD in the next step, by the velocity of the mount [N]
-    # of the load spring by the distance that the mount makes in half of the next step [N]
+    # force on the RPUD in the next step, by the velocity of the mount [N]
+    damping_force: float = 0.0
+    # force of the load spring by the distance that the mount makes in half of the next step [N]
     lead_force: float = 0.0
 
 
@@ -269,13 +270,13 @@ class Mount:
         if self.in_contact:
             settled = move_freely(self._arm, self._load, start, start, math.inf)
             self.position, self._slip = settled.position, settled.slipped
-        self._rate = 0.0  # of the feed's drive [m/s]
-        self._damping = 0.0  # of the load spring [N s/m]
+        self._rate = 0.0  # rate of the feed's drive [m/s]
+        self._damping = 0.0  # damping of the load spring [N s/m]
         self._sign_changes = 0  # consecutive samples whose velocity changes its sign, undamped
-        self._speed_before = 0.0  # of the sample before the last one [m/s]
+        self._speed_before = 0.0  # speed of the sample before the last one [m/s]
         self._stalled = False  # whether the feed stalls by a fault
         self._last_interval = math.inf  # duration of the last step [s]
-        self.advance = Advance(self.position - self._load.origin)  # in the last step
+        self.advance = Advance(self.position - self._load.origin)  # advance in the last step
         self._feed_work = self._damper_loss = self._slip_loss = self._host_work = 0.0
         self._drill_work = 0.0
 

@@ -16,7 +16,7 @@ from rpud_sim.foundation.time import NEVER, SECOND
 class ProcessState:
     """State of the slow processes at their last step, immutable."""
 
-    time: int = 0  # of that step [ns]
+    time: int = 0  # time of that step [ns]
     rotation: RotorState | None = None  # state of the rotor; None without rotation
     mount: MountState | None = None  # state of feed and mount; None without a feed
     # state of the hole; None without strata, and without rotation in a rock
@@ -64,9 +64,9 @@ class Process:
     ) -> None:
         self._rotor, self._borehole = rotor, borehole
         self.mount = mount  # None without a feed: weight on bit and regime are commanded
-        self._parts = parts_of(stiffness)  # of the interval
+        self._parts = parts_of(stiffness)  # parts of the interval
         self.next_step = NEVER  # [ns]
-        self._time = 0  # of the last step [ns]
+        self._time = 0  # time of the last step [ns]
         if rotor or mount or borehole:
             self.next_step = self.interval // self._parts
 

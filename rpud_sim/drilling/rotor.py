@@ -13,10 +13,10 @@ from rpud_sim.model.elementary import exponential, exponential_minus_one, logari
 class Resistance(NamedTuple):
     """Torque against the rotation of the drill tool, immutable and not negative [N m]."""
 
-    cutting: float = 0.0  # that cuts the rock
-    friction: float = 0.0  # of the wear flat on the rock
-    flutes: float = 0.0  # of cuttings in the flutes
-    faults: float = 0.0  # of binding and of protruding rock in the flutes
+    cutting: float = 0.0  # torque that cuts the rock
+    friction: float = 0.0  # torque of the wear flat on the rock
+    flutes: float = 0.0  # torque of cuttings in the flutes
+    faults: float = 0.0  # torque of binding and of protruding rock in the flutes
 
 
 NO_RESISTANCE = Resistance()
@@ -30,11 +30,11 @@ class RotorWork:
     """
 
     drawn: float = 0.0  # taken from the stack: what is above ``drive`` heats their friction
-    drive: float = 0.0  # of the drive on the rotor
-    cutting: float = 0.0  # that cut the rock
-    friction: float = 0.0  # of the wear flat on the rock
-    flutes: float = 0.0  # on cuttings in the flutes
-    faults: float = 0.0  # against binding and protruding rock in the flutes
+    drive: float = 0.0  # work of the drive on the rotor
+    cutting: float = 0.0  # work that cut the rock
+    friction: float = 0.0  # work of the wear flat on the rock
+    flutes: float = 0.0  # work on cuttings in the flutes
+    faults: float = 0.0  # work against binding and protruding rock in the flutes
     kinetic: float = 0.0  # energy of the rotation now
 
     @property
@@ -51,18 +51,18 @@ class RotorWork:
 class RotorState:
     """State of the rotor at one time, immutable."""
 
-    angle: float = 0.0  # since time zero [rad]
-    rate: float = 0.0  # of rotation, never negative [rad/s]
-    torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
-    drive_torque: float = 0.0  # of the drive on the rotor [N m]
+    angle: float = 0.0  # angle since time zero [rad]
+    rate: float = 0.0  # rate of rotation, never negative [rad/s]
+    torque: float = 0.0  # torque of rock and cuttings on the drill tool, against the rotation [N m]
+    drive_torque: float = 0.0  # torque of the drive on the rotor [N m]
     stalled: bool = False  # whether the tool is stalled although the drive is on
-    work: RotorWork = RotorWork()  # since time zero
+    work: RotorWork = RotorWork()  # work since time zero
 
 
 class RotationStep(NamedTuple):
     """Rotation in one step as the borehole sees it, immutable."""
 
-    angle: float = 0.0  # of the step [rad]
+    angle: float = 0.0  # angle of the step [rad]
     friction: float = 0.0  # work of the wear flat on the rock [J]
     resisted: float = 0.0  # work against everything that resists the rotation [J]
 
@@ -111,7 +111,7 @@ class Rotor:
         # Torque that one unit of rate takes from the drive [N m s].
         self._slope = parameters.rotor_stall_torque / parameters.rotor_no_load_rate
         self._decay = self._slope / self._inertia
-        self._whole = _Decay(0.0, 0.0, 0.0, 1.0)  # in a step without another piece
+        self._whole = _Decay(0.0, 0.0, 0.0, 1.0)  # decay in a step without another piece
         self._angle = self._rate = 0.0
         self._torque = self._drive_torque = 0.0
         # Work since time zero, as of ``RotorWork`` [J].

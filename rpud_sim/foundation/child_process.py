@@ -17,8 +17,8 @@ from typing import Any, BinaryIO
 RPUD = (sys.executable, "-m", "rpud_sim.cli.main")
 """Words that start ``rpud``."""
 
-_GRACE = 3.0  # that a process has to obey a signal [s]
-_POLL_PERIOD = 0.05  # between looks at the output [s]
+_GRACE = 3.0  # time for a process to obey a signal [s]
+_POLL_PERIOD = 0.05  # time between looks at the output [s]
 _TAIL = 15  # lines of output in an error
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _LIBC = ctypes.CDLL(None)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from rpud_sim.foundation.quantities import Quantity
 
-NAMESPACE = "/rpud"  # of a drill without another one
+NAMESPACE = "/rpud"  # namespace of a drill without another one
 LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
 
 POSITIVE_SECONDS = Quantity("s", "a duration", 1e-9, LONGEST)  # times are whole nanoseconds

@@ -95,7 +95,7 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
 
 
 _MOST_CLOSE = 3  # names that end with the unknown one
-_MOST_NAMES = 30  # that a hint lists
+_MOST_NAMES = 30  # greatest number of names in a hint
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
@@ -211,7 +211,7 @@ class Text:
     """A text."""
 
     description: str  # one phrase
-    range: str  # which texts are allowed, in words
+    range: str  # allowed texts, in words
     longest: int = LONGEST_TEXT  # characters
 
     def check(self, name: str, value: Any) -> str:
@@ -231,7 +231,7 @@ Allowed = Quantity | Choice | Flag | Text
 class Declaration:
     """Declaration of a parameter."""
 
-    name: str  # of the parameter
+    name: str  # name of the parameter
     default: Any  # its value if none is given
     allowed: Allowed  # meaning and allowed values
     changeable: bool  # whether it may change while the drill runs

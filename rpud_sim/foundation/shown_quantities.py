@@ -52,15 +52,16 @@ class ShownQuantity:
 
     name: str  # such as ``peak_force``
     label: str  # such as ``peak force``
-    unit: str  # in which it is shown
-    scale: float = 1.0  # from the SI unit to that one
+    unit: str  # unit in which it is shown
+    scale: float = 1.0  # factor from the SI unit to that one
     colour: str = "other"  # kind of quantity, which names its colour
     floor: float = 0.0  # SI; what is smaller reads 0
-    types: str = ""  # of messages that have it, the best first; with the column of another name
+    # types of messages that have it, the best first; with the column of another name
+    types: str = ""
     zero: bool = True  # whether its axis includes zero
     kind: str = "line"  # how a plot draws it; a ``band`` changes faster than a screen shows
     digits: int = 3  # significant ones
-    symbol: str = ""  # of the paper
+    symbol: str = ""  # symbol in the paper
 
     @property
     def si(self) -> str:

@@ -51,7 +51,7 @@ def error_text(error: BaseException) -> str:
     """Return in words, on one line, what an error means that a file from outside has raised."""
     if isinstance(error, KeyError):
         return f"it has no {error.args[0]!r:.80}" if error.args else "it lacks a part"
-    if (mark := getattr(error, "problem_mark", None)) is not None:  # of YAML
+    if (mark := getattr(error, "problem_mark", None)) is not None:  # an error of YAML
         said = (getattr(error, name, None) for name in ("context", "problem"))
         return f"line {mark.line + 1}: {', '.join(filter(None, said))}"
     for kinds, meaning in _MEANINGS:
@@ -59,7 +59,7 @@ def error_text(error: BaseException) -> str:
             return meaning
     if number := _NO_NUMBER.match(str(error)):
         return f"{number[1]:.80} is not a number" if number[1] else "a number has too many digits"
-    text = f"{error!s:.500}".partition('in "<unicode string>"')[0]  # of YAML
+    text = f"{error!s:.500}".partition('in "<unicode string>"')[0]  # an error of YAML
     return " ".join(text.split()) or "it is damaged"
 
 

@@ -17,7 +17,7 @@ from rpud_sim.foundation.json_text import NotFiniteError, finite_values, json_te
 class Sequences:
     """Sequences of numbers, one behind the other."""
 
-    values: np.ndarray  # of all sequences, shape (m,)
+    values: np.ndarray  # values of all sequences, shape (m,)
     # number of the first value of each sequence, and of all, shape (n + 1,), int64
     cuts: np.ndarray
 

@@ -18,9 +18,10 @@ class Verb(NamedTuple):
     """Verb, which is a method of clients and a command of ``rpud``."""
 
     text: str  # documentation of the method
-    help: str  # of the command
+    help: str  # help of the command
     example: str  # arguments of the command
-    options: Mapping[str, Any]  # of the command; ``off`` is the opposite of the first parameter
+    # options of the command; ``off`` is the opposite of the first parameter
+    options: Mapping[str, Any]
 
 
 def verb(method: _Method) -> _Method:

@@ -160,7 +160,7 @@ class YamlNode:
     value: Any
     file: str  # name of the file or of an option
     kind: type[ValueError] = ParameterError  # class of the errors
-    lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
+    lines: Lines = dataclasses.field(default_factory=dict)  # lines of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
     repeated: Set[Place] = frozenset()  # places of keys that occur twice, of which the later counts

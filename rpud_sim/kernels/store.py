@@ -87,7 +87,7 @@ def notice(target: Target, store: KernelStore) -> str:
 
 
 SUFFIX = ".kernel"
-_FORMAT = 1  # of the files
+_FORMAT = 1  # format of the files
 _DIGEST_SIZE = 32  # bytes of SHA-256
 
 

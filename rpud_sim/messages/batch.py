@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 LATEST = 2**63 - 1  # greatest time in a bag of rosbag2 [ns since the epoch]
 
-Fields = dict[str, Any]  # of a message, by name
+Fields = dict[str, Any]  # fields of a message, by name
 # A message: simulation time at which it is published [ns], topic, fields.
 Row = tuple[int, str, Fields]
 
@@ -31,8 +31,8 @@ class Message(NamedTuple):
     """One serialized message; a tuple, as it is made three times as fast as a data class."""
 
     topic: str  # its name
-    log_time: int  # when it was received [ns since the epoch]
-    publish_time: int  # when it was sent [ns since the epoch]
+    log_time: int  # time of receipt [ns since the epoch]
+    publish_time: int  # time of sending [ns since the epoch]
     data: bytes  # its bytes (CDR)
 
 
@@ -41,14 +41,14 @@ class Batch:
     """Messages of one topic, in their order: ``fields`` of a source that computes, or bytes."""
 
     topic: str  # its name
-    # when each is published [ns], int64, shape (n,): simulation time, or of a bag since the epoch
+    # publishing time of each [ns], int64, shape (n,): simulation time; in a bag since the epoch
     publish_times: np.ndarray
-    # as for one message, with an array instead of each value that differs. A sequence has a
+    # fields as of one message, with an array instead of each value that differs. A sequence has a
     # row for each message, or is ``Sequences``. Empty if there are bytes.
     fields: Fields = field(default_factory=dict)
     # Messages of batches of one group alternate by their order; 0 if they follow each other.
     group: int = 0
-    order: np.ndarray | None = None  # of each in the group, ascending, shape (n,), int64
+    order: np.ndarray | None = None  # place of each in the group, ascending, shape (n,), int64
     # When each is received [ns]; by default when it is published.
     log_times: np.ndarray = field(default_factory=lambda: _NO_TIMES)
     # Bytes (CDR) of all messages, uint8, which may have other bytes between them; where each

@@ -32,12 +32,12 @@ UNUSED = 8  # bytes that ROS allots each empty sequence, of any content
 # Bytes that parts of a message take as objects, as plain values, and as text.
 _MEMBER = 500  # a message within a message
 _FIELD = 100
-_BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
-_LEAST_NUMBER = 10  # in sequences and arrays: Parquet adds levels to each
+_BYTE = 6  # bytes for each byte of texts, and of sequences and arrays of numbers
+_LEAST_NUMBER = 10  # bytes in sequences and arrays: Parquet adds levels to each
 _LEAST_TEXT = 4  # its length: some writers leave out the zero of an empty one
 
 _WIDE_TEXT = re.compile(r"wstring\b")
-_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,2}", re.ASCII)  # of a type
+_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,2}", re.ASCII)  # name of a type
 # Types of ROS that some tools leave out of a definition, since everybody knows them.
 _KNOWN = {
     "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec",
@@ -54,7 +54,7 @@ class Shape(NamedTuple):
     """Bounds of the values of a type."""
 
     fields: int  # number of fields
-    memory: int  # that it takes without the content of texts and sequences [bytes]
+    memory: int  # memory without the content of texts and sequences [bytes]
     size: int  # least number of bytes in a message
     growth: int  # greatest memory for each byte of texts and sequences [bytes]
 
@@ -68,8 +68,8 @@ class Codec:
 
     def __init__(self, type_name: str, definition: str) -> None:
         self.type = type_name
-        self._shapes: dict[str, Shape] = {}  # by type
-        self._readers: dict[tuple[str, str], _Reader] = {}  # by order of bytes and type
+        self._shapes: dict[str, Shape] = {}  # shapes by type
+        self._readers: dict[tuple[str, str], _Reader] = {}  # readers by order of bytes and type
         with self._understanding("definition"):
             self._types = _types_of(definition, type_name)
             self.members = self._members(type_name, {})

@@ -37,7 +37,7 @@ RECEIVED = ("log_time", "publish_time")
 
 _LEAST_TOGETHER = 4  # messages; fewer are decoded faster one by one
 _KNOWN_TEXTS = 1000
-_MOST_TEXTS = 1000  # of a list in messages that are read together
+_MOST_TEXTS = 1000  # greatest number of texts of a list in messages that are read together
 _UNIT = re.compile(r"\[([^][]{1,20})\](?:[,;]|$)")
 
 
@@ -69,13 +69,13 @@ _TIME_MEMBERS = (("sec", CODES["int32"]), ("nanosec", CODES["uint32"]))
 class Column:
     """One column of a table."""
 
-    name: str  # of the field, with dots between messages and the fields in them
-    kind: Kind  # of its values
+    name: str  # name of the field, with dots between messages and the fields in them
+    kind: Kind  # kind of its values
     dtype: np.dtype = np.dtype(object)  # noqa: RUF009 - it never changes
-    length: int = 0  # of an array
-    unit: str = ""  # from the comment behind the field; empty without one
+    length: int = 0  # length of an array
+    unit: str = ""  # unit from the comment behind the field; empty without one
     description: str = ""  # the comment; empty without one
-    attribute: str = ""  # of decoded messages, with dots; empty if there is no field
+    attribute: str = ""  # attribute of decoded messages, with dots; empty if there is no field
 
     @property
     def empty(self) -> np.ndarray | Sequences:
@@ -351,7 +351,7 @@ class _Walk:
         if not isinstance(counts, np.ndarray):
             content = gathered(self._data, starts, np.full(len(starts), counts - 1)).tobytes()
             with suppress(UnicodeDecodeError):
-                if content == content[: counts - 1] * len(starts):  # as a frame's name
+                if content == content[: counts - 1] * len(starts):  # as for the name of a frame
                     return [content[: counts - 1].decode()] * len(starts)
         known: dict[bytes, str] = {}  # equal ones are decoded once, as a frame's name
         view, odd, found = self._data.data, [], []

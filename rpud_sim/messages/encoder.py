@@ -74,14 +74,14 @@ class Sequence(NamedTuple):
     """Sequence, or array of a fixed length."""
 
     element: Node
-    length: int | None = None  # of an array; None for a sequence
+    length: int | None = None  # length of an array; None for a sequence
 
 
 class Members(NamedTuple):
     """Members of a message in order."""
 
     members: tuple[tuple[str, Node], ...]  # names and types
-    name: str = ""  # of the type; empty if it is unknown
+    name: str = ""  # name of the type; empty if it is unknown
 
 
 # Type of a member: the code of a number or text, a message, or a sequence.
@@ -97,7 +97,8 @@ class Encoder:
     def __init__(self, members: Members) -> None:
         self._members = members
         self._flatten = _flattener(members)
-        self._structs: dict[tuple[int, ...], struct.Struct] = {}  # by lengths of texts, sequences
+        # structs by lengths of texts, sequences
+        self._structs: dict[tuple[int, ...], struct.Struct] = {}
 
     def encode(self, values: Mapping[str, Any]) -> bytes:
         """Return the serialized message, from the values of all members.

@@ -124,7 +124,7 @@ class DecayingSinCos(NamedTuple):
 
     cosine: float
     sine: float
-    change: float  # of the cosine since the start of the segment, without cancellation
+    change: float  # change of the cosine since the start of the segment, without cancellation
 
 
 # Of every oscillation at its start, and of a resting one.

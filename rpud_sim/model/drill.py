@@ -80,13 +80,13 @@ STATE = record_type(
         *floats("weight_on_bit"),
         ("contact", np.uint8),
         ("event", np.uint8),
-        ("tool_at_rest", np.uint8),  # in the rock, between two contacts
+        ("tool_at_rest", np.uint8),  # whether it rests in the rock, between two contacts
         *floats("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt"),
         ("next_event", np.uint8),  # what ends the open segment, an END_* of search.py
-        ("impacts", np.uint64),  # on the drill tool, so far
+        ("impacts", np.uint64),  # number of impacts on the drill tool so far
         ("impact_open", np.uint8),  # whether the last of them is still in contact
         ("standstill", np.int64),  # consecutive events without time passing
-        *floats("effort"),  # on the event budget, see tolerances.py
+        *floats("effort"),  # effort on the event budget, see tolerances.py
         # Of a resonant vibration, see resonator.py; all else is zero if it is prescribed.
         ("resonant", np.uint8),
         ("steady", np.uint8),  # no update until a contact or a command
@@ -96,7 +96,7 @@ STATE = record_type(
         *floats("envelope_age"),  # time since the envelope was written
         *floats("update_due"),  # time until the next update is due
         ("yields", np.uint8),  # one of the YIELDS_* of yielding.py in the open segment
-        *floats("drive_force", "loss_force"),  # on it there [N]
+        *floats("drive_force", "loss_force"),  # forces on it there [N]
         ("fine", np.uint8),  # whether drive and losses act in small steps, see resonator.py
         *floats("missing"),  # displacement that they have not given the vibration yet [m]
         *floats("ahead"),  # impulse of the drive that acted ahead of its time [N s]

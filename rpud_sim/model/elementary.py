@@ -30,7 +30,7 @@ _TWO_PI = 6.283185307179586
 # pi/4 in parts: the first has 50 bits, so that its first multiples are exact.
 _EIGHTH_1 = 0.7853981633974483
 _EIGHTH_2 = 3.061616997868383e-17
-_EIGHTH_TANGENT = 0.41421356237309503  # of pi/8
+_EIGHTH_TANGENT = 0.41421356237309503  # tangent of pi/8
 
 # log(2) in parts: the first has 32 bits.
 _LOG_2_1 = 0.6931471806019545

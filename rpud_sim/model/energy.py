@@ -57,7 +57,7 @@ class RpudConstants(NamedTuple):
     """Constants of the RPUD that an account needs beside the segments."""
 
     mass: float  # m_ud [kg]
-    gravity_acts: bool  # on the RPUD, not on the free mass alone
+    gravity_acts: bool  # whether gravity acts on the RPUD, not on the free mass alone
     per_modal_mass: float  # 1 / M of the vibration, unless at rest [1/kg]; zero if blows leave it
 
 

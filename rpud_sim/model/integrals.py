@@ -96,7 +96,7 @@ class HeldMotion(NamedTuple):
 
     decaying: complex  # amplitude of the nodal plane's decaying part [m]
     added: complex  # what the yielding vibration adds to it at the tip [m]
-    rate: complex  # at which it decays [1/s]
+    rate: complex  # rate at which it decays [1/s]
     steady: complex  # amplitude of the nodal plane's steady vibration [m]
     tip: complex  # amplitude of the tip's steady vibration [m]
     turn: complex  # exp(i phi)

@@ -34,8 +34,8 @@ class Collisions(NamedTuple):
     drill_tool_struck: bool
     impact_velocity: float  # closing velocity of the first blow on the drill tool [m/s]
     energy: float  # kinetic energy of the free mass before that blow [J]
-    impulse: float  # of all its blows on the drill tool [N s]
-    energy_transferred: float  # that the drill tool and its blows take [J]
+    impulse: float  # impulse of all its blows on the drill tool [N s]
+    energy_transferred: float  # energy that the drill tool and its blows take [J]
 
 
 @compiled

@@ -61,10 +61,10 @@ class ResonatorEnergy(NamedTuple):
     """Envelope of the resonance at a time, and its energies since time zero."""
 
     envelope: complex  # z [V]
-    drawn: float  # from the drive [J]
-    heat: float  # in the motional resistance [J]
-    work: float  # on the bodies [J]
-    stored: float  # in the vibration [J]
+    drawn: float  # energy from the drive [J]
+    heat: float  # heat in the motional resistance [J]
+    work: float  # work on the bodies [J]
+    stored: float  # energy in the vibration [J]
     pending: float  # work that the next update subtracts from the vibration [J]
 
 

@@ -54,7 +54,7 @@ class Guard(NamedTuple):
     value: float
     slope: float
     curvature: float  # second derivative, or 0 where it is not known
-    slow: float  # without the steady vibration
+    slow: float  # value without the steady vibration
     slow_slope: float
 
 

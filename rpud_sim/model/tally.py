@@ -24,7 +24,7 @@ from rpud_sim.model.segment import (
 TALLY = record_type(
     [
         *((name, np.int64) for name in ("events", "actuator_impacts", "impacts", "squeezed")),
-        ("lowest_class", np.int64),  # of the contact forces, see ``add_impacts``
+        ("lowest_class", np.int64),  # lowest class of the contact forces, see ``add_impacts``
         ("highest_class", np.int64),
         *floats("contact_force_max", "impact_velocity", "contact_force", "contact_duration"),
         *floats("energy", "energy_transferred", "reacting_impulse"),
@@ -37,7 +37,7 @@ LEAST_FORCE, GREATEST_FORCE = 1e-6, 1e12
 CLASSES_PER_DECADE = 1000
 CLASSES = 18 * CLASSES_PER_DECADE + 1  # 18 decades
 
-QUANTILE = 0.99  # of the contact forces, one of the metrics
+QUANTILE = 0.99  # quantile of the contact forces, one of the metrics
 
 # Sums of the part of a run in progress: its account, its impulse, and of its first segment that is
 # not yet added the time from which on it counts [s], and u_np there [m].

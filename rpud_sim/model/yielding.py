@@ -38,8 +38,8 @@ class Yielding(NamedTuple):
     """Motion while the vibration yields."""
 
     nodal_plane: Oscillation
-    added: Oscillation  # of the tip beyond nodal plane and vibration
-    amplitude: float  # of the vibration [m]
+    added: Oscillation  # motion of the tip beyond nodal plane and vibration
+    amplitude: float  # amplitude of the vibration [m]
     frequency: float  # [Hz]
     phase: float  # [cycles]
 

@@ -38,7 +38,7 @@ class Picture:
 
     title: str  # name of what it shows, with its unit
     alt: str  # sentence that shows what is seen, for those who do not see it
-    width: int  # with all texts [pixels]
+    width: int  # width with all texts [pixels]
     height: int
     content: str  # elements inside of ``svg``
 

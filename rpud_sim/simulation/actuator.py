@@ -110,18 +110,19 @@ class ActuatorReading:
     """
 
     voltage: float  # amplitude of the voltage [V]
-    frequency: float  # of the voltage [Hz]
-    amplitude: float  # of the vibration at the tip [m]
-    resonance_frequency: float  # at the current temperature, with its offset, without load [Hz]
-    temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [degC]
+    frequency: float  # frequency of the voltage [Hz]
+    amplitude: float  # amplitude of the vibration at the tip [m]
+    # frequency at the current temperature, with its offset, without load [Hz]
+    resonance_frequency: float
+    temperature: float  # temperature at the last whole multiple of ``HEATING_INTERVAL`` [degC]
     current: float = math.nan  # amplitude of the current [A]
-    phase: float = math.nan  # by which the current leads the voltage [rad]
+    phase: float = math.nan  # phase by which the current leads the voltage [rad]
     # drawn, averaged over a cycle [W]; negative where the vibration gives power back to the
     # drive
     electrical_power: float = math.nan
     electrical_energy: float = math.nan  # drawn since time zero [J]
-    heat: float = math.nan  # since time zero [J]
-    mechanical_work: float = math.nan  # of the vibration on the bodies since time zero [J]
+    heat: float = math.nan  # heat since time zero [J]
+    mechanical_work: float = math.nan  # work of the vibration on the bodies since time zero [J]
     stored: float = math.nan  # energy of the vibration [J]
     pending: float = math.nan  # work that the next update subtracts from the vibration [J]
 
@@ -149,17 +150,17 @@ class Actuator:
         self._vibration_amplitude = vibration_amplitude
         self._voltage = drive.voltage if drive.enabled else 0.0
         self._commanded = drive.frequency or parameters.resonance_frequency
-        self.frequency = self._commanded  # of the drive [Hz], read-only
+        self.frequency = self._commanded  # frequency of the drive [Hz], read-only
         self._tracking = parameters.generator == "tracking"
         self._locked = True
-        self._pulled = 0.0  # by the generator's integrator [Hz]
+        self._pulled = 0.0  # shift by the generator's integrator [Hz]
         self._temperature = parameters.ambient_temperature
         self._offset = 0.0
-        self._heat = 0.0  # up to the last change of the temperature [J]
+        self._heat = 0.0  # heat up to the last change of the temperature [J]
         self._heating = HEATING_INTERVAL if parameters.heating else NEVER
         self._tuning = TRACKING_INTERVAL if self._tracking else NEVER
         self._decay_time = parameters.quality_factor / (math.pi * parameters.resonance_frequency)
-        # of the engine's vibration at time zero; None with the gain model
+        # constants of the engine's vibration at time zero; None with the gain model
         self.resonance: Resonance | None = None
         if parameters.actuator_model == "resonance":
             self.resonance = Resonance(

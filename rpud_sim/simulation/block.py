@@ -52,12 +52,12 @@ class Block:
     finished: np.ndarray
     struck: np.ndarray  # number of the impacts that were finished at each end, shape (n,), int64
     rpud: RpudConstants  # constants of the RPUD that the segments lack
-    electrical_energy: float  # that the actuator drew in it [J]; NaN where its model has no power
-    readings: Sequence[ActuatorReading] = ()  # of the actuator at each end
-    # of rotation, feed and borehole at each end; none where there is nothing to step
+    electrical_energy: float  # drawn by the actuator in it [J]; NaN where its model has no power
+    readings: Sequence[ActuatorReading] = ()  # readings of the actuator at each end
+    # states of rotation, feed and borehole at each end; none where there is nothing to step
     states: Sequence[ProcessState] = ()
     feeds: Sequence[FeedAccount] = ()  # account of feed and mount in each part; none without a feed
-    depth: float = math.nan  # of the hole at its end [m]; NaN without strata and a rock model
+    depth: float = math.nan  # depth of the hole at its end [m]; NaN without strata and a rock model
 
     def __len__(self) -> int:
         return len(self.ends)

@@ -25,15 +25,15 @@ from rpud_sim.simulation.faults import Fault
 class Inject:
     """Injection of a fault."""
 
-    fault: Fault  # that begins
-    duration: int = 0  # after which it ends by itself [ns]; 0 for never
+    fault: Fault  # fault that begins
+    duration: int = 0  # time after which it ends by itself [ns]; 0 for never
 
 
 @dataclasses.dataclass(frozen=True)
 class Clear:
     """End of a fault, or of all."""
 
-    number: int = 0  # of the fault; 0 for all
+    number: int = 0  # number of the fault; 0 for all
     # Kind and channel identify a fault where numbers differ, as in a fork; empty for the number.
     kind: str = ""
     channel: str = ""
@@ -118,7 +118,7 @@ class Schedule:
 class PlannedChanges:
     """Changes of files and of the command line; their times count from where they begin."""
 
-    changes: tuple[Change, ...] = ()  # in the order of their times
+    changes: tuple[Change, ...] = ()  # changes in the order of their times
     replaces_commands: bool = False  # whether the recorded commands of a fork are left out
 
     @property

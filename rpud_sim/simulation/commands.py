@@ -69,7 +69,7 @@ class DriveChange:
 
 
 Command = WeightOnBit | Drive | Feed | MountMotion
-COMMAND_NAMES: Mapping[type, str] = {  # of topics, and kinds of entries in the journal
+COMMAND_NAMES: Mapping[type, str] = {  # names of topics, and kinds of entries in the journal
     WeightOnBit: "weight_on_bit",
     Drive: "drive",
     Feed: "feed",
@@ -93,5 +93,5 @@ class ActiveCommands:
     weight_on_bit_time: int
     drive: Drive
     drive_time: int
-    motion: Motion | None = None  # of the mount; None without a feed
+    motion: Motion | None = None  # motion of the mount; None without a feed
     motion_time: int = 0

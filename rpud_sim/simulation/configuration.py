@@ -49,19 +49,20 @@ LEAST_MASS_RATIO = 2.0
 class Configuration(ParameterGroup):
     """Drill with its actuator, its rotor, its mount and its rock."""
 
-    parameters: Parameters = dataclasses.field(default_factory=Parameters)  # of the impact dynamics
-    # from voltage to amplitude
+    # impact dynamics
+    parameters: Parameters = dataclasses.field(default_factory=Parameters)
+    # voltage to amplitude
     actuator: ActuatorParameters = dataclasses.field(default_factory=ActuatorParameters)
-    # from impacts to depth
+    # impacts to depth
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
     # whether the actuator is driven from the start
     drive_enabled: bool = flag(True, "whether the actuator is driven from the start")
-    # of the drill tool
+    # rotation of the drill tool
     rotation: RotationParameters = dataclasses.field(default_factory=RotationParameters)
     mount: MountParameters = dataclasses.field(default_factory=MountParameters)  # feed and arm
     # layers of the rock
     strata: StrataParameters = dataclasses.field(default_factory=StrataParameters)
-    # at the end of the drill tool
+    # bit at the end of the drill tool
     bit: BitParameters = dataclasses.field(default_factory=BitParameters)
 
     def __post_init__(self) -> None:

@@ -34,8 +34,8 @@ class Control:
         self._simulation = simulation
         self._put = put
         self._initial = self.given = simulation.applied  # given: the last ones; read-only
-        self._last = simulation.time  # of the last command [ns]
-        self._share = 1.0  # of the commands that acts since the last ``apply_share``
+        self._last = simulation.time  # time of the last command [ns]
+        self._share = 1.0  # share of the commands that acts since the last ``apply_share``
         self.configure(settings)
         self.active = active  # whether commands act; read-only
         # whether commands stopped arriving, so that the watchdog ramps them to zero; read-only

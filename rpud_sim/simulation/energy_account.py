@@ -47,11 +47,12 @@ class EnergyAccount(_Terms):
     begins after the blow at time zero.
     """
 
-    # of the vibration on the free mass, the integral of tip force times v_hv
+    # work of the vibration on the free mass, the integral of tip force times v_hv
     actuator_work: float = 0.0
-    weight_on_bit_work: float = 0.0  # of the constant force W on the RPUD
-    gravity_work: float = 0.0  # on the free mass, and on the RPUD if gravity acts on it
-    changes: float = 0.0  # of spring rates and of the drill tool's mass under changed parameters
+    weight_on_bit_work: float = 0.0  # work of the constant force W on the RPUD
+    gravity_work: float = 0.0  # work on the free mass, and on the RPUD if gravity acts on it
+    # energy of changed spring rates and drill tool mass, under changed parameters
+    changes: float = 0.0
     load_damper: float = 0.0  # lost in the damping of the load spring
     drill_tool_damper: float = 0.0  # lost in the damping of the drill tool
     actuator_collisions: float = 0.0  # lost in collisions of actuator and free mass, eq. (5).
@@ -100,18 +101,18 @@ class FeedAccount(_Terms):
     ``weight_on_bit_work`` of the ``EnergyAccount``.
     """
 
-    feed_work: float = 0.0  # of the feed's drive on the arm
-    host_work: float = 0.0  # of a host that slips by a fault
-    spring_changes: float = 0.0  # of the load spring's rate, under changed parameters
+    feed_work: float = 0.0  # work of the feed's drive on the arm
+    host_work: float = 0.0  # work of a host that slips by a fault
+    spring_changes: float = 0.0  # energy of changes of the load spring's rate
     guide_friction: float = 0.0  # lost in the friction of the mount's guide
     host_slip: float = 0.0  # lost where the host slips by the force of the arm
     arm_stored: float = 0.0  # increase in the arm's spring since the start
-    penetration_work: float = 0.0  # of the load spring on the rock, while the hole gets deeper
+    penetration_work: float = 0.0  # work of the load spring on the rock, while the hole gets deeper
     # lost in the damping of the load spring by the mount's motion, beside ``load_damper`` of the
     # ``EnergyAccount``
     load_damper: float = 0.0
-    # to the springs of the drill while the mount withdraws from bodies that the rock does not hold;
-    # in ``changes`` of the ``EnergyAccount``
+    # work on the springs of the drill while the mount withdraws from bodies that the rock does not
+    # hold; in ``changes`` of the ``EnergyAccount``
     withdrawal_work: float = 0.0
     # increase of W^2 / (2 k_1) - W u_np of the load spring since the start; the rest of its
     # energy is in ``EnergyAccount.stored``

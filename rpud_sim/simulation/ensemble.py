@@ -33,7 +33,7 @@ _TASK = 10 * SECOND  # simulated time of a thread's task, at least [ns]
 class Member:
     """Result of one member of an ensemble."""
 
-    metrics: Metrics  # of the whole run, or of the part before it failed
+    metrics: Metrics  # metrics of the whole run, or of the part before it failed
     failure: EngineError | None = None  # why it failed; None if it did not
 
 

@@ -40,9 +40,9 @@ class FaultEffects(Disturbances):
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     pushing_rate: float = 0.0  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
-    preload_factor: float = 1.0  # on the force of the load spring, 0 to 1
-    progress_factor: float = 1.0  # on the progress into the rock by percussion alone, 0 to 1
-    resonance_offset: float = 0.0  # of the actuator [Hz]
+    preload_factor: float = 1.0  # factor on the force of the load spring, 0 to 1
+    progress_factor: float = 1.0  # factor on the progress into the rock by percussion alone, 0 to 1
+    resonance_offset: float = 0.0  # offset of the actuator's resonance [Hz]
     lock_lost: bool = False  # whether a tracking generator does not track
 
 
@@ -51,7 +51,7 @@ class Stage:
     """State of a fault on its channel, through which the messages of the channel pass."""
 
     channel: str  # one of ``CHANNELS``
-    magnitude: float  # in the unit of the kind
+    magnitude: float  # magnitude in the unit of the kind
     random: np.random.Generator
     last: Fields | None  # what the channel published before
     next: int = 0  # time of the next message of a slow channel [ns]
@@ -73,7 +73,7 @@ class FaultKind:
     """Kind of fault."""
 
     description: str  # one phrase
-    needs: tuple[_Need, ...] = ()  # of the drill
+    needs: tuple[_Need, ...] = ()  # needs from the drill
     # meaning of its magnitude, None if it has none; without unit if the unit is the channel's
     magnitude: Quantity | None = None
     # magnitude of NaN; a factor on the channel's scale if the unit is the

@@ -44,7 +44,7 @@ class Fault:
 
     kind: str  # one of ``KINDS``
     channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one
-    # in the unit of the kind; NaN means the kind's default. Kinds without a magnitude
+    # magnitude in the unit of the kind; NaN means the kind's default. Kinds without a magnitude
     # take NaN or zero; it is stored as zero.
     magnitude: float = math.nan
 
@@ -169,7 +169,7 @@ class FaultRecord:
     """Time during which a fault was active: the ground truth."""
 
     number: int  # counts the injected faults from 1
-    fault: Fault  # that was injected
+    fault: Fault  # injected fault
     onset: int  # simulation time at which it began [ns]
     clear: int | None = None  # simulation time at which it ended, None while active [ns]
 
@@ -186,7 +186,7 @@ class FaultLedger:
 
     def __init__(self) -> None:
         self._number = 0
-        # in order of injection; the same object until one begins or ends; read-only
+        # faults in order of injection; the same object until one begins or ends; read-only
         self.active: tuple[FaultRecord, ...] = ()
         self._cleared: deque[FaultRecord] = deque(maxlen=MOST_CLEARED)
         self.forgotten = 0  # cleared faults that ``records`` no longer contains; read-only

@@ -108,11 +108,11 @@ class Metrics:
         self.begun = False  # whether anything was added, read-only
         self._duration = 0
         self._electrical = 0.0
-        # of the blocks so far, read-only; None without a feed
+        # account of the blocks so far, read-only; None without a feed
         self.feed: FeedAccount | None = None
-        # of the rotor from time zero to the last block, read-only; None without rotation
+        # work of the rotor from time zero to the last block, read-only; None without rotation
         self.rotation: RotorWork | None = None
-        self._depth = math.nan  # of the hole at the last block; NaN without a rock model
+        self._depth = math.nan  # depth of the hole at the last block; NaN without a rock model
         self._tally = empty_tallies(1)
         self._classes = np.zeros(CLASSES, np.int64)
         self._part = np.zeros(PART_ROOM)

@@ -147,8 +147,8 @@ class LoadSpring:
         # Forces of the current step by the velocity of the mount: of the damping, and all [N].
         self._damping_force = self._motion_force = 0.0
         self._damper = 0.0  # loss in the damping, up to the last step [J]
-        self._motion_work = 0.0  # of all these forces on the RPUD, up to the last step [J]
-        self._start = position  # of the nodal plane at the last step [m]
+        self._motion_work = 0.0  # work of all these forces on the RPUD, up to the last step [J]
+        self._start = position  # position of the nodal plane at the last step [m]
 
     def step(self, advance: Advance, spring_rate: float, position: float) -> None:
         before = self._compression

@@ -95,7 +95,7 @@ class Beginning:
 
     settings: Settings  # all parameters
     initial_phase: float = 0.0  # phase of the vibration at time zero [cycles]
-    seed: int = 0  # of the noise of faulty signals
+    seed: int = 0  # seed of the noise of faulty signals
     # faults that begin by themselves, with all values drawn, in the order of their times
     faults: tuple[Change, ...] = ()
 
@@ -160,7 +160,7 @@ class Plan:
     """Beginning of a run and its changes."""
 
     beginning: Beginning
-    changes: tuple[Change, ...] = ()  # in the order of their times
+    changes: tuple[Change, ...] = ()  # changes in the order of their times
     recorded: bool = False  # whether they took effect before, as in a journal
     # simulation time up to which a drill node computes it, before it continues live [ns]
     live_from: int = 0

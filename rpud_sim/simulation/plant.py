@@ -58,7 +58,7 @@ class Plant:
         # commanded force [N]; a change takes effect at the current time. Without effect
         # where the weight on bit follows from a feed.
         self.weight_on_bit = parameters.weight_on_bit
-        # into the rock by percussion alone
+        # depth into the rock by percussion alone
         self.progress = PercussionDepth(configuration.rock, parameters.tool_length)
         self._effects = effects_of((), parameters)
         # rotation, feed and borehole
@@ -66,7 +66,7 @@ class Plant:
         mount = self.process.mount
         if mount is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=mount.weight_on_bit)
-        self._passed = 0.0  # by the origin of the bodies' displacements, not yet in the engine [m]
+        self._passed = 0.0  # distance passed by the bodies' origin, not yet in the engine [m]
         # drive, generator and temperature
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self._drill = derive(parameters)
@@ -77,7 +77,7 @@ class Plant:
         self._load_spring: LoadSpring | None = None
         self._checked = (0.0, 0.0)  # coupling and energy of impacts at the last whole second [J]
         start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
-        self.engine = Engine(*start, buffers)  # of the motion
+        self.engine = Engine(*start, buffers)  # engine of the motion
         if self.process.next_step != NEVER:
             position = nodal_plane_position(self.engine.open_segment, *self._instant)
             nominal = parameters.vibration_amplitude

@@ -94,7 +94,7 @@ class Run:
         self._telemetry = Telemetry(settings, beginning.seed, self._wanted)
         self._simulation = Simulation(settings.configuration, beginning.initial_phase, buffers)
         self._control = Control(self._simulation, self._put, settings, active)
-        self._watches = False  # from ``take_over`` on
+        self._watches = False  # whether commands may be lost: from ``take_over`` on
         self._recorded, self._live_from = plan.recorded, plan.live_from
         self._placed = False  # whether there is an origin
         self._schedule = Schedule(plan.changes)

@@ -54,7 +54,8 @@ class Simulation:
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._block_start = 0  # end of the last block [ns]
         self._drawn = 0.0  # electrical energy up to the last block [J]
-        self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
+        # account up to the last block
+        self._fed = FeedAccount() if configuration.has_feed else None
         self.faults = FaultLedger()  # read-only
 
     @property

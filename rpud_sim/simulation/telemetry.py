@@ -67,8 +67,8 @@ class Telemetry:
         self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
         self.origin = 0  # stamp of simulation time zero [ns]
-        self._segments = 0  # in messages of the trajectory, or left out
-        self._impacts = 0  # that ended since simulation time zero
+        self._segments = 0  # segments in messages of the trajectory, or left out
+        self._impacts = 0  # impacts that ended since simulation time zero
         # Time and work of the actuator's last sample.
         self._actuator_time = 0
         self._actuator_work = 0.0

@@ -15,11 +15,11 @@ TOOL_TIP_FRAME = "rpud_tool_tip"
 class DrillTopic:
     """Topic of the drill; its publisher is reliable."""
 
-    type: str  # of its messages, as in ``rpud_msgs/msg/Status``
+    type: str  # type of its messages, as in ``rpud_msgs/msg/Status``
     depth: int  # messages that its publisher stores for slow subscribers
     # whether a late subscriber gets these messages (transient local)
     latched: bool = False
-    frame: str = MOUNT_FRAME  # of the header; empty if there is no header
+    frame: str = MOUNT_FRAME  # frame of the header; empty if there is no header
     complete: bool = True  # whether each message counts, not only the last
     proved: bool = True  # whether a bag's journal determines every bit of its messages
     live: bool = False  # whether only a running drill has it, not a simulation offline
