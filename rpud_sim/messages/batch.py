@@ -58,6 +58,7 @@ class Batch:
     sizes: np.ndarray = field(default_factory=lambda: _NO_TIMES)
     run: int = 0  # number of their run, given by their source; 0 if it is not known
     origin: int = 0  # stamp of zero in the time of that run [ns]
+    times: np.ndarray = field(default_factory=lambda: _NO_TIMES)  # since the origin, of values [ns]
 
     def __post_init__(self) -> None:
         if self.log_times is _NO_TIMES:
@@ -67,6 +68,20 @@ class Batch:
     def of(time: int, topic: str, fields: Fields) -> Batch:
         """Return a batch of one message."""
         return Batch(topic, np.array([time], np.int64), fields)
+
+    @staticmethod
+    def of_bytes(topic: str, messages: Sequence[tuple[bytes, int, int]]) -> Batch:
+        """Return a batch of messages, each with its times of publishing and receiving [ns]."""
+        data, published, received = zip(*messages, strict=True)
+        sizes = np.array([len(each) for each in data], np.int64)
+        return Batch(
+            topic,
+            np.array(published, np.int64),
+            log_times=np.array(received, np.int64),
+            data=np.frombuffer(b"".join(data), np.uint8),
+            starts=np.cumsum(sizes) - sizes,
+            sizes=sizes,
+        )
 
     def __len__(self) -> int:
         return len(self.publish_times)

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagFormatError, BagReader, Message
+from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.foundation.quantities import listed
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.messages.batch import messages_of
+from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.columns import Column, Kind
 from rpud_sim.messages.definitions import installed_codec
@@ -92,7 +92,7 @@ def rebuild(
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
         drill = find_drill(bag, SkippedParts(bag), topic.rpartition("/")[0] or "/", run)
-        own = (each for batch in drill.of(bag.batches({topic})) for each in messages_of([batch]))
+        own = drill.of(bag.batches({topic}))
         found = recorded_segments(own, installed_codec(_TYPE), bag.path)
         waveform = _Waveform(rate, start, duration)
         about = {"bag": str(bag.path), "topic": topic, "rate": rate, "run": run}
@@ -145,32 +145,32 @@ class RecordedSegments(NamedTuple):
 
     segments: np.ndarray  # ``SEGMENT`` records; at least one
     follows: bool  # whether they follow those of the message before without a gap
-    origin: int  # stamp of simulation time zero [ns]
-    published: int  # when the message was sent [ns]
+    origin: int  # stamp of simulation time zero, as the message has it [ns]
+    zero: int  # origin of its batch [ns]
     size: int  # of the message [bytes]
 
 
 def recorded_segments(
-    messages: Iterable[Message], codec: Codec, path: object
+    batches: Iterable[Batch], codec: Codec, path: object
 ) -> Iterator[RecordedSegments]:
     """Yield the segments of a trajectory's messages, from any one on."""
     following, end = -1, 0.0
-    for recorded in messages:
-        message = codec.decode(recorded.data)
-        try:
-            segments = to_segments(message)
-        except ValueError as error:
-            raise BagFormatError(f"{path}: a trajectory is damaged: {error}") from None
-        if not len(segments):
-            continue
-        start = int(segments["start_seconds"][0]) + float(segments["start_fraction"][0])
-        follows = message.sequence == following and start > end - _ROUNDING
-        origin = join_seconds(message.origin.sec, message.origin.nanosec)
-        size = len(recorded.data)
-        yield RecordedSegments(segments, follows, origin, recorded.publish_time, size)
-        following = message.sequence + len(segments)
-        last = segments[-1]
-        end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])
+    for batch in batches:
+        for number in range(len(batch)):
+            message = codec.decode(data := batch.message(number))
+            try:
+                segments = to_segments(message)
+            except ValueError as error:
+                raise BagFormatError(f"{path}: a trajectory is damaged: {error}") from None
+            if not len(segments):
+                continue
+            start = int(segments["start_seconds"][0]) + float(segments["start_fraction"][0])
+            follows = message.sequence == following and start > end - _ROUNDING
+            origin = join_seconds(message.origin.sec, message.origin.nanosec)
+            yield RecordedSegments(segments, follows, origin, batch.origin, len(data))
+            following = message.sequence + len(segments)
+            last = segments[-1]
+            end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])
 
 
 class _Waveform:

@@ -11,7 +11,7 @@ module            what it holds
 ``commands``      commands of a run in words, and as stepped lines
 ``live_history``  history of a running drill, and ``live``: the threads that feed it, and act
 ``recorded``      history of a drill in a bag, and ``recording``: the bag as it is read
-``stamp_times``     times since a bag began, from stamps
+``topic_reader``  signals of one topic from the bytes of its messages
 ``frames``        what a browser looks at, and what is new for it
 ``server``        server of the screen: this machine alone, or others with a token
 ``report``        report of a bag: the screen and its data in one file

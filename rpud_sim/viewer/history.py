@@ -133,9 +133,9 @@ class History:
         self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages that are none of a drill
 
     def add(self, batch: Batch) -> None:
-        """Add messages of a topic with their times in this history [ns]."""
+        """Add the values of messages of a topic, at their times."""
         self._changes += 1
-        times = batch.publish_times / SECOND
+        times = batch.times / SECOND
         for column, values in batch.fields.items():
             if (name := f"{batch.topic} {column}") in self.signals:
                 wrong = ~(self.is_credible(self.signals[name], values) | np.isnan(values))

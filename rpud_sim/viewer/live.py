@@ -22,7 +22,7 @@ from rpud_sim.ros.environment import StartError
 from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.commands import plain_refusal
 from rpud_sim.viewer.frames import ClientState, Store, StoreError
-from rpud_sim.viewer.live_history import LiveHistory
+from rpud_sim.viewer.live_history import FAST, REPORTS, LiveHistory
 from rpud_sim.viewer.server import EXPIRY, ListenAddress, PageServer
 
 # Actions: methods of ``DrillClient``, with the same arguments.
@@ -211,11 +211,11 @@ class LiveDrill:
 
     def _open(self, namespace: str) -> DrillClient:
         client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
-        client.observe(self._latched, "power", "timing")
+        client.observe(self._latched, *REPORTS)
         client.check_while_waiting(self._check)
         if self._telemetry is not None:
             self._lost_before += Counter(self._telemetry.lost)
-        self._telemetry = client.telemetry(self._history.sinks())
+        self._telemetry = client.telemetry(FAST)
         return client
 
     def _latched(self, topic: str, message: Any, published: int) -> None:
@@ -235,8 +235,9 @@ class LiveDrill:
         # A block of the waveform is shown at the next time: its impacts need a while to arrive.
         if (now := time.monotonic()) - self._settled_at >= 0.9 * _PERIOD:
             self._settled_at = now
-            with self._lock:
-                self._history.settle(self._telemetry.lost if self._telemetry else {})
+            if telemetry := self._telemetry:
+                with self._lock:
+                    self._history.settle(telemetry.batches(), telemetry.lost)
 
     def _live(self) -> None:
         try:
@@ -294,11 +295,11 @@ class LiveDrill:
     def _complete(self, client: DrillClient) -> None:
         """Request from the drill the journal's entries before the first received one."""
         wanted, held = 0, self._history.held
-        begun = any(entry.kind == "begin" for entry in held)
+        begun, first = any(entry.kind == "begin" for entry, _ in held), held[0][0].sequence
         with suppress(ClientError):  # received messages are shown all the same
-            while not begun and wanted < held[0].sequence and (page := client.journal(wanted)):
+            while not begun and wanted < first and (page := client.journal(wanted)):
                 with self._lock:
-                    self._history.complete(e for e in page if e.sequence < held[0].sequence)
+                    self._history.complete(entry for entry in page if entry.sequence < first)
                 wanted = page[-1].sequence + 1
         with self._lock:
             self._history.release()

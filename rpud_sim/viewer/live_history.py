@@ -5,23 +5,28 @@ from __future__ import annotations
 import json
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from functools import partial
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from rpud_sim.bag import BagFormatError, Topic, TopicSummary
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.messages.batch import Batch
-from rpud_sim.ros.client.topics import FIELDS
-from rpud_sim.ros.graph import message_class
+from rpud_sim.messages.batch import LATEST, Batch
+from rpud_sim.messages.definitions import find_definition
+from rpud_sim.recorded.drill_tables import drill_table
+from rpud_sim.recorded.journal import RecordedEntry
+from rpud_sim.recorded.runs import RecordedRun
+from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.borehole import hole_of
-from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_status
+from rpud_sim.viewer.history import MOTION, SECTION, History, Signal, plain_status, seconds
+from rpud_sim.viewer.topic_reader import TopicReader
 
 BIN = 0.05  # length of the finest bins [s]
 _BINS = 1 << 14
@@ -35,14 +40,23 @@ _ALWAYS = (  # quantities that each drill has, also before the first message or 
     *("nodal_plane", "free_mass", "drill_tool"),
 )
 _COUNTED = ("Status.impacts", "Status.commands_lost")  # beyond the table of quantities
-_REPORTS = ("power", "timing", "status")
-_TOPICS = {TOPICS[name].type.rpartition("/")[2]: name for name in (*FIELDS, *_REPORTS)}
+REPORTS = ("power", "timing")  # besides those that every client has
+FAST = (
+    *("nodal_plane", "drill_tool", "reacting_force", "contact_force", "actuator_state"),
+    *("rotation", "mount", "borehole", "waveform"),
+)
+
+
+def _reader(topic: str) -> TopicReader:
+    kind = TOPICS[topic].type
+    summary = TopicSummary(Topic(topic, kind), 0, None, None, find_definition(kind))
+    return TopicReader(summary, drill_table(kind).columns, 1000)
+
+
+_READERS = {topic: _reader(topic) for topic in (*FAST, *REPORTS, "status")}
+_DRAWN = {*_COUNTED, *(source for each in QUANTITIES.values() for source in each.sources)}
 _SIGNALS = tuple(
-    Signal(_TOPICS[kind], TOPICS[_TOPICS[kind]].type, field)
-    for source in (*_COUNTED, *(s for each in QUANTITIES.values() for s in each.sources))
-    for kind, _, field in (source.partition("."),)
-    # Not what only older bags have.
-    if field in message_class(TOPICS[_TOPICS[kind]].type).get_fields_and_field_types()
+    signal for each in _READERS.values() for signal in each.signals if signal.source in _DRAWN
 )
 
 Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period [s], samples
@@ -51,107 +65,97 @@ Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period 
 class LiveHistory(History):
     """History of the current run of a drill; not safe for threads by itself.
 
-    Fast messages wait in lists until ``settle``. A message is of the last run that had begun when
-    it was published. Messages before the journal's stamp of time zero are left out, except the
-    latest reports and faults, which are kept for that moment.
+    A message is of the last run that had begun when it was published, as in a bag. Those of before
+    are left out, except the latest reports and faults, which are kept for the run's beginning.
     """
 
     live = True
     most = 60_000
 
     def __init__(self) -> None:
-        self.run = 0
         self.journal_lost = 0
         self._lost: dict[str, int] = {}  # messages by topic that were lost before
-        self._kept: dict[str, tuple[Any, int]] = {}  # latest latched message by topic, and when
-        self._begins: dict[int, int] = {}  # when each begin that is not taken in was published [ns]
-        self._begun = 0  # when the run's begin was published [ns]; 0 if it is not known
-        self._journal_next = 0
-        self.held: list[Any] = []  # entries whose run is not known until others are there
-        # Of each message: its stamp [ns], its values, and when it was published [ns].
-        self._waiting: dict[str, list[tuple[int, tuple[Any, ...], int]]] = {
-            topic: [] for topic in (*FIELDS, "waveform")
-        }
+        self._numbers = 0  # of runs
+        self.restart()
         super().__init__("", _SIGNALS, ())
 
     def clear(self, _: object = ()) -> None:
         names = [signal.name for signal in _SIGNALS]
         super().clear([Bins(names, BIN, _BINS, newest=True), Bins(names, BIN, _BINS)])
-        # Of the run: stamps from which on an origin counts, ascending, and the origins [ns].
-        self._origins: list[tuple[int, int]] = []
         self.reports: dict[str, dict[str, Any]] = {}  # latest status, power and timing
         self.latest_impacts: deque[tuple[float, float, float]] = deque(maxlen=_LATEST_IMPACTS)
         # Of the waveform: the newest whose impacts arrived too, and the newest of all.
         self.block: Block | None = None
         self._newest: Block | None = None
-        self._latest: dict[str, tuple[Any, ...]] = {}
+        self._latest: dict[str, dict[str, float]] = {}
         self._holes: dict[str, list[tuple[float, float]]] = {}  # lost messages by topic [s]
         self._until: dict[str, float] = {}  # latest time by topic [s]
-        for waiting in self._waiting.values():
-            waiting[:] = [each for each in waiting if each[-1] >= self._begun > 0]
 
     def restart(self) -> None:
         """Forget the drill: what comes next is of another one, which numbers from zero."""
-        self._origins = []
-        self._kept = {}
-        self._begins = {}
-        self._begun = 0
-        self.held = []
+        self._run: RecordedRun | None = None  # with the entries that set its origins
+        # Topic, message and publishing time [ns] of reports: those that wait, and the latest.
+        self._reports: list[tuple[str, Any, int]] = []
+        self._kept: dict[str, tuple[str, Any, int]] = {}
+        # Entries, and publishing times, whose run is not known until others are there.
+        self.held: list[tuple[Any, int]] = []
         self._journal_next = 0
 
-    def sinks(self) -> dict[str, Callable[..., object]]:
-        """Return, by topic, a function that keeps what ``FastTopics`` gives for ``settle``."""
+    @property
+    def run(self) -> int:
+        """Number of the run since the first drill was found; 0 before it."""
+        return self._numbers
 
-        def keep(waiting: list[tuple[int, tuple[Any, ...], int]], *message: Any) -> None:
-            waiting.append(message)
-
-        return {topic: partial(keep, waiting) for topic, waiting in self._waiting.items()}
-
-    def latched(self, topic: str, message: Any, published: int = 0) -> None:
-        """Take in a message of a latched topic, and when it was published [ns]; 0: not known."""
+    def latched(self, topic: str, message: Any, published: int) -> None:
+        """Take in a message of a latched topic, and when it was published [ns]."""
         self._changes += 1
-        if topic == "journal" and message.kind == "begin":
-            self._begins[message.sequence] = published
-        if topic == "journal" and (self.held or (message.sequence and not self._journal_next)):
-            self.held.append(message)
-        elif topic == "journal":
-            self._journal(message)
-        elif published >= self._begun:
-            self._kept[topic] = message, published
-            if self._origins:
-                self._show(topic, message)
+        if topic != "journal":
+            self._kept[topic] = topic, message, published
+            self._reports.append(self._kept[topic])
+        elif self.held or (message.sequence and not self._journal_next):
+            self.held.append((message, published))
+        else:
+            self._journal(message, published)
 
     def complete(self, entries: Iterable[Any]) -> None:
         """Take in entries of the journal that come before those which are held, in order."""
         for entry in entries:
-            self._journal(entry)
+            self._journal(entry, 0)
 
     def release(self) -> None:
         """Take in the entries that are held."""
         held, self.held = self.held, []
-        self.complete(held)
+        for entry, published in held:
+            self._journal(entry, published)
 
-    def settle(self, lost: Mapping[str, int] = MappingProxyType({})) -> None:
-        """Take in the fast messages that wait; ``lost`` counts those that never came, by topic."""
+    def settle(
+        self, batches: Iterable[Batch] = (), lost: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
+        """Take in the reports that wait, and fast messages.
+
+        ``lost`` counts those that never came, by topic.
+        """
         newest = self._newest
         # Impacts have a topic, a beginning and delays of their own.
         joined = self.since < 2.0 * BIN or (newest and newest[0] > self.since + _JOINING)
         if newest is not self.block and joined:
             self.block = newest
             self._changes += 1
-        for topic, waiting in self._waiting.items():
-            own = [each for each in waiting if each[-1] >= self._begun]
-            if own and self._origins:
-                self._settle(topic, own, lost.get(topic, 0) - self._lost.get(topic, 0))
-                self._lost[topic] = lost.get(topic, 0)
-            waiting.clear()
+        waiting, self._reports = self._reports, []
+        if self._run is None:
+            return
+        for topic, message, published in waiting:
+            times = np.array([published])
+            if self._run.holds(times)[0]:
+                self._show(topic, message, int(self._run.origins(times)[0]))
+        for part in self._run.of(batches):
+            self._take(part, lost.get(part.topic, 0) - self._lost.get(part.topic, 0))
+            self._lost[part.topic] = lost.get(part.topic, 0)
 
     @property
     def values(self) -> dict[str, dict[str, Any]]:
         """Latest values of the fast topics and of power and timing: by topic, by field."""
-        latest = self._latest.items()
-        fast = {topic: dict(zip(FIELDS[topic], values, strict=True)) for topic, values in latest}
-        return fast | {name: self.reports[name] for name in self.reports if name != "status"}
+        return self._latest | {n: each for n, each in self.reports.items() if n != "status"}
 
     def holes(self, signal: Signal) -> list[tuple[float, float]]:
         found = [*self._holes.get(signal.topic, ())]
@@ -189,37 +193,38 @@ class LiveHistory(History):
         impacts = [[at - start, *rest] for at, *rest in self.latest_impacts if start <= at < end]
         return {**samples, "time": start, "period": period * stride, "impacts": impacts}
 
-    def _settle(
-        self, topic: str, waiting: list[tuple[int, tuple[Any, ...], int]], lost: int
-    ) -> None:
-        stamps, messages, _ = zip(*waiting, strict=True)
-        times = self._times(np.array(stamps, np.int64))
-        if times[-1] < 0:
+    def _take(self, part: Batch, lost: int) -> None:
+        """Take in messages of a fast topic of the run."""
+        found, topic = _READERS[part.topic].read(part), part.topic
+        times = found.times / SECOND
+        if not len(found) or times[-1] < 0.0:
             return
-        if not self._latest and self._newest is None:
-            self.since = max(0.0, float(times[0]) / SECOND)
-        self.time = max(self.time or 0.0, float(times[-1]) / SECOND)
+        if not self._until:
+            self.since = max(0.0, float(times[0]))
+        self.time = max(self.time or 0.0, float(times[-1]))
         if lost > 0:  # where the step between two messages is longest
-            known = np.array([self._until.get(topic, self.since), *(times / SECOND)])
+            known = np.array([self._until.get(topic, self.since), *times])
             place = int(np.argmax(np.diff(known)))
             self._holes.setdefault(topic, []).append((known[place], known[place + 1]))
-        self._until[topic] = float(times[-1]) / SECOND
+        self._until[topic] = float(times[-1])
         if topic == "waveform":
-            self._wave(times / SECOND, messages)
+            self._wave(part)
             return
-        self._latest[topic] = messages[-1]
-        fields = dict(zip(FIELDS[topic], zip(*messages, strict=True), strict=True))
+        self._latest[topic] = {name: float(each[-1]) for name, each in found.fields.items()}
         if topic == self.struck:
-            impacts = times / SECOND, fields["peak_force"], fields["contact_duration"]
-            self.latest_impacts.extend(zip(*impacts, strict=True))
-        drawn = {name: each for name, each in fields.items() if f"{topic} {name}" in self.signals}
-        columns = {name: np.array(each, float) for name, each in drawn.items()}
-        self.add(Batch(topic, times, columns))
+            columns = (found.fields[name] for name in ("peak_force", "contact_duration"))
+            self.latest_impacts.extend(zip(times, *columns, strict=True))
+        self.add(found)
 
-    def _wave(self, times: np.ndarray, messages: tuple[tuple[Any, ...], ...]) -> None:
+    def _wave(self, part: Batch) -> None:
         self._changes += 1
-        for begin, (_, period, arrays) in zip(times.tolist(), messages, strict=True):
-            length = len(arrays[0])
+        for number in range(len(part)):
+            try:
+                message = _READERS["waveform"].codec.decode(part.message(number))
+            except BagFormatError:  # another program publishes there too
+                continue
+            header, _, period, *arrays = vars(message).values()
+            begin, length = seconds(header.stamp, part.origin), len(arrays[0])
             if not (length and 0.0 < period < 1.0 and all(len(each) == length for each in arrays)):
                 continue
             if self._newest is not None and length * period < SECTION:  # a pause has cut it
@@ -227,17 +232,11 @@ class LiveHistory(History):
                 if abs(before + len(earlier[0]) * period - begin) < period:
                     earlier = tuple(each[-round(SECTION / period) :] for each in earlier)
                     begin -= len(earlier[0]) * period
-                    arrays = tuple(map(np.concatenate, zip(earlier, arrays, strict=True)))
-            self._newest = begin, period, arrays
+                    arrays = [*map(np.concatenate, zip(earlier, arrays, strict=True))]
+            self._newest = begin, period, tuple(arrays)
 
-    def _times(self, stamps: np.ndarray) -> np.ndarray:
-        """Return the simulation times of stamps, both (n,) [ns]."""
-        edges, origins = np.array(self._origins).T
-        return stamps - origins[np.maximum(np.searchsorted(edges, stamps, "right") - 1, 0)]
-
-    def _journal(self, entry: Any) -> None:
+    def _journal(self, entry: Any, published: int) -> None:
         number = int(entry.sequence)
-        published = self._begins.pop(number, 0)
         if self._journal_next:
             self.journal_lost += max(0, number - self._journal_next)
         self._journal_next = number + 1
@@ -247,50 +246,47 @@ class LiveHistory(History):
         time = content.get("time") if isinstance(content, dict) else None
         if not isinstance(time, int) or abs(time) > _GREATEST:
             return
-        stamp = _stamp(entry)
-        origin = stamp - time
         if entry.kind == "begin":
-            self._begun = published
-            kept = self._kept.items()
-            self._kept = {topic: latest for topic, latest in kept if latest[1] >= published}
-            self.run += 1
+            self._numbers += 1
+            self._run = RecordedRun("", "journal", self.run, window=(published, LATEST))
             self.clear()
-        if not self._origins or self.time is None:
-            self._origins = [(stamp, origin)]
-            for topic, (message, _) in self._kept.items():
-                if _stamp(message) >= origin:
-                    self._show(topic, message)
-        elif origin != self._origins[-1][1]:  # the run continues with other stamps
-            self._origins = [each for each in self._origins if each[0] < stamp]
-            self._origins.append((stamp, origin))
-            self.time = min(self.time, time / SECOND)
+            self._reports += [each for each in self._kept.values() if each not in self._reports]
+        stamp = join_seconds(entry.header.stamp.sec, entry.header.stamp.nanosec)
+        self._set_origin(JournalEntry(number, time, "origin", {"origin": stamp - time}), published)
         self.add_entry(time / SECOND, entry.kind, content)
 
-    def _show(self, topic: str, message: Any) -> None:
-        stamp = _stamp(message)
-        times = self._times(np.array([stamp]))
-        origin = stamp - int(times[0])
+    def _set_origin(self, entry: JournalEntry, published: int) -> None:
+        """Count the stamps of what is published from now on from the origin of an entry."""
+        run, origin = self._run, entry.content["origin"]
+        if run is None or (run.entries and run.origin == origin):
+            return
+        recorded = RecordedEntry(entry, origin + entry.time, "", published, published)
+        self._run = replace(run, entries=(*run.entries, recorded))
+        if self.time is not None:  # the run continues with other stamps
+            self.time = min(self.time, entry.time / SECOND)
+
+    def _show(self, topic: str, message: Any, origin: int) -> None:
+        """Take in a report of the run."""
+        time = seconds(message.header.stamp, origin)
         if topic == "faults":
             self.add_faults(self.run, message.faults, origin)
             return
         if topic == "command_results":
+            begun = self._run.entries[-1].entry.time / SECOND if self._run else 0.0
+            if time < begun and self._run and origin == self._run.origin:
+                return  # its origin is an older one, whose entry came without a publishing time
             self.log_version += 1
             for result in message.results[message.repeated :]:
                 if not result.accepted:
-                    self.commands.refuse(float(times[0]) / SECOND, result.reason)
+                    self.commands.refuse(time, result.reason)
             return
         names = message.get_fields_and_field_types()
         shown = plain_status({name: getattr(message, name) for name in names}, origin)
         self.reports[topic] = shown
-        self.time = max(self.time or 0.0, float(times[0]) / SECOND)
+        self.time = max(self.time or 0.0, time)
         columns = {
-            name: np.array([value], float)
-            for name, value in shown.items()
-            if f"{topic} {name}" in self.signals
+            signal.column: np.array([shown[signal.column]], float)
+            for signal in _READERS[topic].signals
+            if signal.column in shown
         }
-        self.add(Batch(topic, times, columns))
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return join_seconds(stamp.sec, stamp.nanosec)
+        self.add(Batch(topic, np.empty(0), columns, times=np.array([round(time * SECOND)])))

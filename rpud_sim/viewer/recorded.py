@@ -164,12 +164,12 @@ class RecordedDrill(History):
         if not topic or not recording.readers[topic].stamped:
             return {}
         for number in itertools.islice(recording.chunks_from(drill, time, back=True), _MOST_BACK):
-            for message in reversed(recording.messages(number, topic)):
-                origin = recording.offset(topic, message.publish_time)
-                with suppress(BagError):  # another program wrote it
-                    status = recording.readers[topic].codec.decode(message.data)
-                    if seconds(status.header.stamp, origin) <= time + 1e-9:
-                        return plain_status(vars(status), origin)
+            for batch in reversed([*recording.batches([number], {topic})]):
+                for place in reversed(range(len(batch))):
+                    with suppress(BagError):  # another program wrote it
+                        status = recording.readers[topic].codec.decode(batch.message(place))
+                        if seconds(status.header.stamp, batch.origin) <= time + 1e-9:
+                            return plain_status(vars(status), batch.origin)
         return {}
 
     def _chunks(self, drills: Collection[str], start: float, end: float) -> list[int] | None:
@@ -197,7 +197,7 @@ class RecordedStore(Store):
         try:
             self.histories = {
                 drill: RecordedDrill(drill, self.recording, lambda: self.reading)
-                for drill in self.recording.time_lines
+                for drill in self.recording.clocks
             }
             self.reading = Reading(self.recording, self.histories)
         except BaseException:

@@ -8,23 +8,22 @@ from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.tables import compiled
+from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.messages.batch import Batch, joined, messages_of
-from rpud_sim.messages.columns import Column, FieldReader, Kind
+from rpud_sim.messages.batch import Batch, joined
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.runs import RecordedRun, runs_of
+from rpud_sim.recorded.runs import RecordedRun, by_run, runs_of
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins, gaps_of
-from rpud_sim.viewer.history import History, Signal, is_foreign, namespace
-from rpud_sim.viewer.stamp_times import Rows, StampTimes
+from rpud_sim.viewer.history import History, is_foreign, namespace
+from rpud_sim.viewer.topic_reader import TopicReader
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
 OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
@@ -34,48 +33,14 @@ BINS = 2**17  # greatest number of bins of a signal
 MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 MOST_FAULTS = 10_000  # messages of faults that are read; further ones are counted
 
-GREATEST = 1e120  # size of a value: squares of greater ones overflow
 SAMPLED = 48  # chunks that are read before the page is complete
 LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
 
 _KEPT = 96  # chunks whose rows are kept
-_NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
 _TOGETHER = 16  # chunks that are read together
 _SPARE = 1.02  # of the time, for what is later than the last log time
-
-
-class TopicReader:
-    """Reader of the signals of one topic, of which it takes at most so many."""
-
-    def __init__(self, summary: TopicSummary, columns: Sequence[Column], most: int) -> None:
-        self.topic, self.type = summary.topic.name, summary.topic.type
-        self.unreadable = 0  # messages that are not of the type
-        self.block = columns[0].name == "time"  # whether a message holds many rows
-        stamp = [each for each in columns if each.name == "header.stamp" and each.kind is Kind.TIME]
-        numbers = [
-            each
-            for each in columns
-            if each.kind is Kind.NUMBER and each.name not in _NO_SIGNALS and not self.block
-        ][:most]
-        self.stamped = bool(stamp)
-        self.latched = "transient_local" in {each.durability for each in summary.topic.offered_qos}
-        self.signals = [Signal(self.topic, self.type, each.name, each.unit) for each in numbers]
-        self.codec, _ = compiled(self.type, summary.definition or "")
-        self._fields = FieldReader(self.codec, [*stamp, *numbers])
-
-    def read(self, batch: Batch) -> Rows:
-        """Return the rows of messages; count those that are not of the type."""
-        found = self._fields.read(batch)
-        self.unreadable += len(found.errors)
-        logs, published = batch.log_times[found.rows], batch.publish_times[found.rows]
-        values = {}
-        for signal in self.signals:
-            numbers = found.array(signal.column).astype(float)
-            values[signal.column] = np.clip(numbers, -GREATEST, GREATEST)
-        stamps = found.array("header.stamp") if self.stamped else logs
-        return Rows(logs, published, stamps, values)
 
 
 def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:
@@ -98,10 +63,34 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
     return dict(sorted(readers.items())), left_out
 
 
-def _is_own(reader: TopicReader) -> bool:
-    """Whether a topic has name and type of a drill's own; commands and other programs have not."""
-    name = reader.topic.rpartition("/")[2]
-    return name in TOPICS and reader.type == TOPICS[name].type
+class TimeLine:
+    """Runs of a drill in a row: each begins where the one before ended.
+
+    Time is simulation time since a bag began [ns], which stops during a pause. Of the first message
+    stamp and publishing time are known, and how much later than the bag it was logged [ns].
+    """
+
+    def __init__(self, runs: Sequence[RecordedRun], stamp: int, published: int, late: int) -> None:
+        if (start := runs[0].window[0]) > published:  # of a run whose beginning the bag lacks
+            unknown = RecordedRun(runs[0].path, runs[0].journal, first_origin=stamp)
+            runs = [replace(unknown, window=(0, start - 1), end=start - published), *runs]
+        first, *later = (run for run in runs if run.window[1] >= published)
+        self.runs = [replace(first, window=(-(2**63), first.window[1])), *later]
+        self.starts: list[int] = []  # of each run, in the time of the bag [ns]
+        begun = stamp - int(first.origins(np.array([published]))[0])
+        end = late if late > SECOND else 0  # a drill may begin after its bag
+        for run in self.runs:
+            # A forged origin is an OverflowError.
+            run.origins(np.array([each.publish_time for each in run.entries])).astype(np.int64)
+            self.starts.append(end - begun)
+            end += max(run.end - begun, 0)
+            begun = 0
+
+    def place(self, batch: Batch) -> Iterator[Batch]:
+        """Yield messages; those of a batch are of one run and have one origin in this time."""
+        for part in by_run(self.runs[1:], [batch]):
+            for own in self.runs[part.run].of([part]):
+                yield replace(own, run=part.run, origin=own.origin - self.starts[part.run])
 
 
 class RecordedBag:
@@ -127,14 +116,15 @@ class RecordedBag:
         self.signals = [each for reader in self.readers.values() for each in reader.signals]
         self.damages: dict[int, str] = {}  # reasons why chunks are not read, by their numbers
         self.unknown: dict[str, str] = {}  # why the runs of drills are not known, by namespace
-        # Rows of a chunk by topic, none of a damaged one; those that were used last are kept.
-        self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
+        # Signals of a chunk, none of a damaged one; those that were used last are kept.
+        self.signals_in = lru_cache(_KEPT)(lambda number: self.read([number]))
+        self.time_lines: dict[str, TimeLine] = {}  # of namespaces with stamps
         # Topics that show the time of each namespace. Blocks are logged long after their stamps,
         # and latched messages may be old: they do so only where there is nothing else.
         self._timed: dict[str, set[str]] = {}
         for drill in {*map(namespace, self.readers)} or {""}:  # nothing is readable
             here = [each for name, each in self.readers.items() if namespace(name) == drill]
-            own = [each for each in here if _is_own(each) or not self.is_drill(drill)]
+            own = [each for each in here if each.is_own or not self.is_drill(drill)]
             stamped = [each for each in own if each.stamped]
             prompt = [each for each in stamped if not (each.latched or each.block)]
             self._timed[drill] = {each.topic for each in prompt or stamped or own}
@@ -157,14 +147,15 @@ class RecordedBag:
         }
         self._usual_ends: dict[str, float] = {}  # of namespaces without a drill [s]
         self.span = lru_cache(None)(self._span)
-        # None of a namespace without stamps, where log times count.
-        self.time_lines = {drill: self._time_line(drill) for drill in self._held}
+        self.clocks = [*self._held]  # namespaces with times of their own
+        lines = {drill: self._time_line(drill) for drill in self.clocks}
+        self.time_lines = {drill: line for drill, line in lines.items() if line}
         self.end = max(map(self._last, drills), default=math.inf)  # of the drills [s]
 
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
         return any(
-            _is_own(each) and each.type.startswith(OURS)
+            each.is_own and each.type.startswith(OURS)
             for name, each in self.readers.items()
             if namespace(name) == drill
         )
@@ -196,17 +187,30 @@ class RecordedBag:
         numbers: list[int] = np.unique(places.astype(int)).tolist()
         return numbers
 
-    def rows_of(self, numbers: Iterable[int]) -> dict[str, Rows]:
-        """Return the rows of several chunks together, by topic; they are not kept."""
+    def read(self, numbers: Iterable[int]) -> list[Batch]:
+        """Return the signals of several chunks at times since the bag began; they are not kept."""
+        placed = self.batches(numbers, self._topics)
+        return [found for each in placed if len(found := self.readers[each.topic].read(each))]
+
+    def batches(self, numbers: Iterable[int], topics: set[str]) -> Iterator[Batch]:
+        """Yield what chunks hold of topics, in the order of log times within each topic.
+
+        Damaged chunks hold nothing. The origin of a batch is the stamp of the bag's beginning.
+        """
         by_topic: dict[str, list[Batch]] = defaultdict(list)
         for number in numbers:
-            for batch in self._undamaged(number, self._topics):
+            for batch in self._undamaged(number, topics):
                 by_topic[batch.topic].append(batch)
-        return {name: self.readers[name].read(joined(each)) for name, each in by_topic.items()}
+        for parts in by_topic.values():
+            whole = joined(parts)
+            yield from self.place(whole.part(np.argsort(whole.log_times, kind="stable")))
 
-    def messages(self, number: int, topic: str) -> list[Message]:
-        """Return the messages of a topic in a chunk; none of a damaged one."""
-        return [*messages_of(self._undamaged(number, {topic}))]
+    def place(self, batch: Batch) -> Iterator[Batch]:
+        """Yield messages of a topic; those of a batch are of one run, and have one origin."""
+        line = self.time_lines.get(self.clock(batch.topic))
+        if line is None or not self.readers[batch.topic].stamped:
+            return iter((replace(batch, origin=self.begin),))
+        return line.place(batch)
 
     def chunks_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of chunks that may hold what a drill did from ``start`` to ``end`` [s].
@@ -227,33 +231,22 @@ class RecordedBag:
         else:
             yield from held[bisect_left(held, time - LATE, key=end) :]
 
-    def times(self, topic: str, rows: Rows) -> np.ndarray:
-        """Return the times of rows since the bag began [ns]."""
-        line = self.time_lines[self.clock(topic)]
-        if line is None or not self.readers[topic].stamped:
-            return rows.log_times - self.begin
-        return rows.stamps - line.offsets(rows.publish_times)
-
-    def offset(self, topic: str, published: int) -> int:
-        """Return the stamp of time zero that a message has by its publishing time [ns]."""
-        line = self.time_lines[self.clock(topic)]
-        return line.offset(published) if line else self.begin
-
     def series(self, topic: str, columns: Sequence[str], numbers: Iterable[int]) -> np.ndarray:
         """Return times [s] and columns of a topic in some chunks, in order of time: (1 + k, n)."""
         found = [np.empty((1 + len(columns), 0))]
-        for number in numbers:
-            if (rows := self.rows(number).get(topic)) is not None:
-                none = np.full(len(rows.stamps), np.nan)
-                values = [rows.values.get(column, none) for column in columns]
-                times = self.times(topic, rows)
-                each = np.array([times / SECOND, *values])
-                found.append(each[:, self.fits(topic, times)])
+        for batch in self._of(topic, numbers):
+            none = np.full(len(batch), np.nan)
+            values = [batch.fields.get(column, none) for column in columns]
+            each = np.array([batch.times / SECOND, *values])
+            found.append(each[:, self.fits(topic, batch.times)])
         series = np.concatenate(found, axis=1)
         return series[:, np.argsort(series[0], kind="stable")]
 
     def close(self) -> None:
         self.bag.close()
+
+    def _of(self, topic: str, numbers: Iterable[int]) -> Iterator[Batch]:
+        return (each for n in numbers for each in self.signals_in(n) if each.topic == topic)
 
     def _undamaged(self, number: int, topics: set[str]) -> list[Batch]:
         """Return what a chunk holds of some topics; note its damage."""
@@ -268,7 +261,7 @@ class RecordedBag:
 
     def _span(self, drill: str, number: int) -> tuple[float, float] | None:
         """Return the first and the last time of a drill in a chunk [s]; None if it has none."""
-        found = [self.times(name, rows) for name, rows in self._timed_rows(drill, number)]
+        found = [each.times for each in self.signals_in(number) if each.topic in self._timed[drill]]
         if not found:
             return None
         first, last = min(int(each.min()) for each in found), max(int(each.max()) for each in found)
@@ -286,38 +279,46 @@ class RecordedBag:
     def _usual_end(self, drill: str) -> float:
         """Return how long a namespace without a drill lasts [s]: one wrong stamp does not count."""
         if drill not in self._usual_ends:
-            numbers = self._held[drill][-_TOGETHER:]
-            found = [self.times(n, rows) for i in numbers for n, rows in self._timed_rows(drill, i)]
+            found = [
+                each.times
+                for number in self._held[drill][-_TOGETHER:]
+                for each in self.signals_in(number)
+                if each.topic in self._timed[drill]
+            ]
             times = np.sort(np.concatenate(found)) if found else np.empty(0)
             low, high = np.quantile(times, (0.05, 0.95)) if len(times) else (0.0, 0.0)
             self._usual_ends[drill] = float(high + (high - low)) / SECOND
         return self._usual_ends[drill]
 
-    def _time_line(self, drill: str) -> StampTimes | None:
+    def _time_line(self, drill: str) -> TimeLine | None:
+        """Return the time line of a namespace; None without stamps, where log times count."""
+        if not any(self.readers[topic].stamped for topic in self._timed[drill]):
+            return None
         for number in self._held[drill][:SAMPLED]:
-            found = [rows for _, rows in self._timed_rows(drill, number)]
-            if not self.is_drill(drill):  # another program may have a clock only later
-                stamped = [(rows, rows.stamps > 0) for rows in found]
-                found = [rows.since(np.argmax(valid)) for rows, valid in stamped if valid.any()]
-            if found and self.readers[min(self._timed[drill])].stamped:
-                return self._line(drill, min(found, key=lambda rows: int(rows.stamps[0])))
+            firsts = []  # stamps, with publishing and log times
+            for batch in self.batches([number], self._timed[drill]):
+                found = self.readers[batch.topic].read(batch)
+                stamps = found.times + found.origin
+                # Another program may have a clock only later.
+                valid = stamps > 0 if not self.is_drill(drill) else np.ones(len(stamps), bool)
+                if valid.any():
+                    each = int(np.argmax(valid))
+                    firsts.append((stamps[each], found.publish_times[each], found.log_times[each]))
+            if firsts:
+                stamp, published, logged = map(int, min(firsts))
+                return self._line(drill, stamp, published, logged - self.begin)
         return None
 
-    def _line(self, drill: str, first: Rows) -> StampTimes:
+    def _line(self, drill: str, *first: int) -> TimeLine:
         """Return the time line of a drill; of one run if the journal does not show its runs."""
-        journal, origin = f"{drill}/journal", int(first.stamps[0])
-        whole = [RecordedRun(str(self.path), journal, first_origin=origin)]
+        journal = f"{drill}/journal"
+        whole = [RecordedRun(str(self.path), journal, first_origin=first[0])]
         try:
             runs = runs_of(self.bag, journal) if journal in self.readers else whole
-            return StampTimes(runs, first, self.begin)
+            return TimeLine(runs, *first)
         except (BagError, OverflowError, RecordingError) as error:
             self.unknown[drill] = str(error)
-            return StampTimes(whole, first, self.begin)
-
-    def _timed_rows(self, drill: str, number: int) -> list[tuple[str, Rows]]:
-        """Return what shows the time of a namespace in a chunk, by topic."""
-        rows = self.rows(number)
-        return [(n, rows[n]) for n in self._timed[drill] & rows.keys() if len(rows[n].stamps)]
+            return TimeLine(whole, *first)
 
 
 class Reading:
@@ -334,7 +335,7 @@ class Reading:
         self._seen = 0.0  # latest time of what was read [s]
         self.unlisted = 0  # messages of faults beyond ``MOST_FAULTS``
         self.outside = Counter[str]()  # messages by topic, whose times the run does not have
-        last = recording.rows(len(recording.chunks) - 1) if recording.chunks else {}
+        last = recording.signals_in(len(recording.chunks) - 1) if recording.chunks else []
         expected = max(recording.bag.duration / SECOND, 1e-3)
         names = [signal.name for signal in recording.signals]
         fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
@@ -362,13 +363,13 @@ class Reading:
     def look(self, numbers: Iterable[int]) -> None:
         """Read these chunks now, if they were not read yet."""
         for number in [] if self.complete else {*numbers} - self._read:
-            self._add([number], self._recording.rows(number))
+            self._add([number], self._recording.signals_in(number))
 
     def read_next(self) -> bool:
         """Read the next few chunks; return whether there were any."""
         left = (number for number in self._next if number not in self._read)
         if numbers := [*itertools.islice(left, _TOGETHER)]:
-            found = self._recording.rows_of(numbers)
+            found = self._recording.read(numbers)
             self._until = max(self._until, self._end_of(found))
             self._add(numbers, found)
         return bool(numbers)
@@ -380,19 +381,19 @@ class Reading:
         """
         return gaps_of(self.bins.used(), self.bins.width) if self.complete else []
 
-    def _add(self, numbers: Iterable[int], found: Mapping[str, Rows]) -> None:
-        """Add the rows of chunks."""
+    def _add(self, numbers: Iterable[int], found: Iterable[Batch]) -> None:
+        """Add the signals of chunks."""
         recording = self._recording
-        for topic, rows in found.items():
-            if len(rows.stamps):
-                times = recording.times(topic, rows)
-                fits = recording.fits(topic, times)
-                early = _is_own(recording.readers[topic]) & (times < 0)  # latched before the bag
-                self.outside[topic] += int((~fits & ~early).sum())
-                times, values = times[fits], {k: v[fits] for k, v in rows.values.items()}
-                latest = float(times.max(initial=0)) / SECOND
-                self._seen = min(max(self._seen, latest), recording.end)
-                self._histories[recording.clock(topic)].add(Batch(topic, times, values))
+        for batch in found:
+            topic, times = batch.topic, batch.times
+            fits = recording.fits(topic, times)
+            early = recording.readers[topic].is_own & (times < 0)  # latched before the bag
+            self.outside[topic] += int((~fits & ~early).sum())
+            values = {name: each[fits] for name, each in batch.fields.items()}
+            latest = float(times[fits].max(initial=0)) / SECOND
+            self._seen = min(max(self._seen, latest), recording.end)
+            history = self._histories[recording.clock(topic)]
+            history.add(replace(batch, fields=values, times=times[fits]))
         self._read.update(numbers)
         for history in self._histories.values():
             history.time = self._seen or history.time
@@ -400,34 +401,38 @@ class Reading:
             sampled = min(SAMPLED, len(recording.chunks))
             history.samples = sampled / max(history.time or 0.0, 1e-9)
 
-    def _end_of(self, found: Mapping[str, Rows]) -> float:
-        """Return the greatest time of some rows [s]; 0 without any."""
-        times = [self._recording.times(topic, rows) for topic, rows in found.items()]
-        times = [t[self._recording.fits(n, t)] for n, t in zip(found, times, strict=True)]
-        latest = max((float(each.max()) / SECOND for each in times if len(each)), default=0.0)
+    def _end_of(self, found: Iterable[Batch]) -> float:
+        """Return the greatest time of some signals [s]; 0 without any."""
+        fitting = (each.times[self._recording.fits(each.topic, each.times)] for each in found)
+        latest = max((float(times.max(initial=0)) / SECOND for times in fitting), default=0.0)
         return min(latest, self._recording.end)
 
     def _add_entries(self) -> None:
         for drill, line in self._recording.time_lines.items():
-            for run, shift in zip(line.runs, line.shifts, strict=True) if line else ():
+            for run, start in zip(line.runs, line.starts, strict=True):
                 for entry, *_ in run.entries:
-                    time = (entry.time + shift) / SECOND
+                    time = (entry.time + start) / SECOND
                     self._histories[drill].add_entry(time, entry.kind, entry.content)
 
     def _add_faults(self) -> None:
         recording = self._recording
         topics = {name for name, each in recording.readers.items() if each.type == FAULTS_TYPE}
+        left = MOST_FAULTS
         with suppress(BagError):  # what comes before the damage is shown
-            messages = recording.bag.messages(topics) if topics else iter(())
-            for message in itertools.islice(messages, MOST_FAULTS):
-                history = self._histories[drill := recording.clock(message.topic)]
-                line = recording.time_lines[drill]
-                run = line.number(message.publish_time) if line else 0
-                try:
-                    decoded = recording.readers[message.topic].codec.decode(message.data)
-                    origin = recording.offset(message.topic, message.publish_time)
-                    history.add_faults(run, decoded.faults, origin)
-                # Another type of the same name, or another program wrote it.
-                except (AttributeError, BagError, TypeError, ValueError):
-                    history.unlisted += 1
-            self.unlisted = sum(1 for _ in messages)
+            for batch in recording.bag.batches(topics) if topics else ():
+                for part in recording.place(batch):
+                    for number in range(min(len(part), left)):
+                        self._add_list(part, number)
+                    self.unlisted += max(0, len(part) - left)
+                    left = max(0, left - len(part))
+
+    def _add_list(self, batch: Batch, number: int) -> None:
+        """Add a list of faults."""
+        recording = self._recording
+        history = self._histories[recording.clock(batch.topic)]
+        try:
+            decoded = recording.readers[batch.topic].codec.decode(batch.message(number))
+            history.add_faults(batch.run, decoded.faults, batch.origin)
+        # Another type of the same name, or another program wrote it.
+        except (AttributeError, BagError, TypeError, ValueError):
+            history.unlisted += 1

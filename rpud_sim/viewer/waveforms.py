@@ -109,11 +109,10 @@ class Waveforms:
 
         They cover a range, and begin before it and end after it.
         """
-        recording = self._recording
         held: list[np.ndarray] = []
         zero = 0.0
         for each in self._segments(start, end) if self._topic else ():
-            begin = (each.origin - recording.offset(self._topic, each.published)) / SECOND
+            begin = (each.origin - each.zero) / SECOND
             if held and not (each.follows and begin == zero):
                 yield zero, np.concatenate(held)
                 held = []
@@ -127,9 +126,8 @@ class Waveforms:
         numbers = enumerate(recording.chunks_between(self._drill, start, end))
         # Chunks that follow each other.
         for _, adjacent in itertools.groupby(numbers, lambda each: each[1] - each[0]):
-            parts = (recording.messages(number, self._topic) for _, number in adjacent)
-            messages = sorted(itertools.chain(*parts), key=lambda message: message.log_time)
+            batches = recording.batches([number for _, number in adjacent], {self._topic})
             try:
-                yield from recorded_segments(messages, self._codec, recording.path)
+                yield from recorded_segments(batches, self._codec, recording.path)
             except BagError:
                 continue  # what came before the damage is drawn

@@ -6,8 +6,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from rpud_msgs.msg import CommandResult, CommandResults, Fault, Faults, JournalEntry, Status
+from rclpy.serialization import serialize_message
+from rpud_msgs.msg import (
+    CommandResult,
+    CommandResults,
+    Fault,
+    Faults,
+    JournalEntry,
+    Status,
+    Waveform,
+)
 
+from rpud_sim.messages.batch import Batch
+from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.frames import ClientState, measured
 from rpud_sim.viewer.live_history import BIN, LiveHistory
 
@@ -40,20 +52,53 @@ def status(time, **fields):
     return message
 
 
+def rejection(time, reason):
+    result = CommandResult(kind="drive", accepted=False, reason=reason)
+    message = CommandResults(results=[result], repeated=0)
+    message.header.stamp = stamp(ORIGIN + time)
+    return message
+
+
 @pytest.fixture
 def history():
     history = LiveHistory()
-    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    tell(history, "journal", entry(0, "begin", 0, parameters=PARAMETERS))
     return history
 
 
-def hear(history, topic, time, *values):
-    history.sinks()[topic](ORIGIN + time, values, 0)
+def batch(topic, *rows):
+    """Return messages as they arrive: rows are a time since ``ORIGIN`` [ns] and fields.
+
+    They are published then, or at ``published``.
+    """
+    found = []
+    for time, fields in rows:
+        published = fields.get("published", time)
+        kept = {name: value for name, value in fields.items() if name != "published"}
+        message = message_class(TOPICS[topic].type)(**kept)
+        message.header.stamp = stamp(ORIGIN + time)
+        found.append((bytes(serialize_message(message)), published, published))
+    return Batch.of_bytes(topic, found)
+
+
+def waveform(period, count):
+    """Return fields of a message of the waveform, each of whose channels is constant."""
+    _, _, _, *channels = Waveform.get_fields_and_field_types()
+    values = {name: [float(number)] * count for number, name in enumerate(channels)}
+    return {"sample_period": period, **values}
+
+
+def hear(history, topic, time, **fields):
+    history.settle([batch(topic, (time, fields))])
+
+
+def tell(history, topic, message, published=0):
+    history.latched(topic, message, published)
     history.settle()
 
 
 def impact(history, time, force):
-    hear(history, "contact_force", time, 0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False)
+    hear(history, "contact_force", time, peak_force=force, contact_duration=1e-5)
 
 
 def texts(history):
@@ -62,13 +107,13 @@ def texts(history):
 
 def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
     history = LiveHistory()
-    history.latched("status", status(SECOND, state="paused"))
+    tell(history, "status", status(SECOND, state="paused"))
     fault = Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + SECOND // 2))
     faults = Faults(faults=[fault])
     faults.header.stamp = stamp(ORIGIN + SECOND)
-    history.latched("faults", faults)
+    tell(history, "faults", faults)
     assert not history.reports
-    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    tell(history, "journal", entry(0, "begin", 0, parameters=PARAMETERS))
     assert (history.time, history.reports["status"]["state"]) == (1.0, "paused")
     assert history.reports["status"]["weight_on_bit_applied"] == 0.0
     [shown] = history.faults
@@ -80,21 +125,20 @@ def test_a_fault_is_shown_to_who_joins_after_a_reset(reset):
     history = LiveHistory()
     faults = Faults(faults=[Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + reset))])
     faults.header.stamp = stamp(ORIGIN + 4 * SECOND)
-    history.latched("faults", faults)
+    tell(history, "faults", faults)
     begins = [entry(number, "begin", 0, parameters=PARAMETERS) for number in range(2)]
     begins[1].header.stamp = stamp(ORIGIN + reset)
     for begin in begins:
-        history.latched("journal", begin)
+        tell(history, "journal", begin)
     [shown] = history.faults
     assert (shown["kind"], shown["onset"]) == ("bias", 0.0)
 
 
 def test_all_quantities_of_the_whole_run_are_kept(history):
-    sinks = history.sinks()
-    for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
-        sinks["reacting_force"](ORIGIN + time, (force, 0), 0)
-        sinks["contact_force"](ORIGIN + time, (0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False), 0)
-    history.settle()
+    rows = ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0))
+    forces = batch("reacting_force", *((time, {"force": force}) for time, force in rows))
+    peaks = batch("contact_force", *((time, {"peak_force": force}) for time, force in rows))
+    history.settle([forces, peaks])
     for found in history.bins:
         seen = found.view("reacting_force force", 0.0, 2 * BIN, 2)
         assert seen["low"][:2].tolist() == [5.0, 7.0]
@@ -122,7 +166,7 @@ def frame(history, monkeypatch):
 
 def test_what_arrives_late_is_in_the_numbers_and_the_timeline(history, frame):
     impact(history, 1 * SECOND, 100.0)
-    history.latched("status", status(3 * SECOND))
+    tell(history, "status", status(3 * SECOND))
     assert frame()["numbers"]["impact_rate"]["mean"] == 0.0
     impact(history, 5 * SECOND // 2, 300.0)
     shown = frame()
@@ -134,16 +178,15 @@ def test_what_arrives_late_is_in_the_numbers_and_the_timeline(history, frame):
 
 
 def test_a_command_that_is_heard_before_its_time_is_a_step(history, frame):
-    history.latched("status", status(SECOND))
+    tell(history, "status", status(SECOND))
     frame()
-    history.latched("journal", entry(1, "weight_on_bit", 2 * SECOND, force=20.0))
+    tell(history, "journal", entry(1, "weight_on_bit", 2 * SECOND, force=20.0))
     assert frame()["steps"]["weight_on_bit"]["v"].tolist() == [8.0, 20.0]
 
 
 def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, frame):
-    block = 1e-4, tuple(np.full(200, number) for number in range(6))
-    hear(history, "reacting_force", 0, 1.0, 0)
-    hear(history, "waveform", SECOND, 0, *block)
+    hear(history, "reacting_force", 0, force=1.0)
+    hear(history, "waveform", SECOND, **waveform(1e-4, 200))
     assert frame(section=True)["section"]["impacts"] == []
     assert "section" not in frame(section=True)
     impact(history, SECOND + SECOND // 100, 300.0)
@@ -152,50 +195,51 @@ def test_an_impact_that_is_heard_after_its_block_is_in_the_section(history, fram
 
 
 def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(history):
-    arrays = tuple(np.full(100, number) for number in range(6))
-    hear(history, "reacting_force", SECOND // 2, 7.0, 0)
-    hear(history, "waveform", SECOND // 2, 0, 1e-3, arrays)
+    block = waveform(1e-3, 100)
+    hear(history, "reacting_force", SECOND // 2, force=7.0)
+    hear(history, "waveform", SECOND // 2, **block)
     history.settle()
     assert history.block is None  # other topics may not be history yet
-    hear(history, "waveform", SECOND, 0, 1e-3, arrays)
+    hear(history, "waveform", SECOND, **block)
     assert history.block is None
     history.settle()
-    assert history.block == (1.0, 1e-3, arrays)
+    begin, period, arrays = history.block
+    assert (begin, period) == (1.0, 1e-3)
+    assert [each.tolist() for each in arrays] == [*block.values()][1:]
 
 
 def test_a_reset_begins_a_new_run_with_nothing(history):
     impact(history, 0, 5.0)
-    history.latched("journal", entry(1, "weight_on_bit", SECOND, force=3.0))
+    tell(history, "journal", entry(1, "weight_on_bit", SECOND, force=3.0))
     assert texts(history) == ["a run begins", "weight on bit 3 N"]
-    history.latched("journal", entry(2, "begin", 0, parameters=PARAMETERS))
+    tell(history, "journal", entry(2, "begin", 0, parameters=PARAMETERS))
     assert (history.run, history.impacts.total, history.values) == (2, 0, {})
     assert texts(history) == ["a run begins"]
 
 
 def test_what_was_published_before_a_reset_is_of_the_run_before(history):
     """The stamps go back, as after a long step, and no order holds among topics."""
-    hear_force = history.sinks()["reacting_force"]
-    history.latched("status", status(5 * SECOND, state="running"), 90)
-    hear_force(ORIGIN + 5 * SECOND, (5.0, 0), 91)
-    hear_force(ORIGIN + SECOND // 10, (7.0, 0), 101)
-    history.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS), 100)
+    tell(history, "status", status(5 * SECOND, state="running"), 90)
+    rows = ((5 * SECOND, 5.0, 91), (SECOND // 10, 7.0, 101), (4 * SECOND, 6.0, 99))
+    forces = [(time, {"force": force, "published": sent}) for time, force, sent in rows]
+    tell(history, "journal", entry(1, "begin", 0, parameters=PARAMETERS), 100)
     assert (history.time, history.reports) == (None, {})
-    history.latched("status", status(4 * SECOND, state="running"), 98)
-    hear_force(ORIGIN + 4 * SECOND, (6.0, 0), 99)
-    history.settle()
+    tell(history, "status", status(4 * SECOND, state="running"), 98)
+    history.settle([batch("reacting_force", *forces)])
     assert (history.time, history.values["reacting_force"]["force"]) == (0.1, 7.0)
-    history.latched("status", status(SECOND, state="paused"), 102)
+    tell(history, "status", status(SECOND, state="paused"), 102)
     assert (history.time, history.reports["status"]["state"]) == (1.0, "paused")
 
 
 def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):
     """A pause of 60 s is over; the status with a new stamp comes before the journal says so."""
-    hear(history, "reacting_force", 1 * SECOND, 5.0, 0)
-    history.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0, 0), 0)
-    history.latched("status", status(61_200_000_000))
-    pause = 60 * SECOND
-    history.latched("journal", entry(1, "origin", 1_200_000_000, ORIGIN + pause))
-    hear(history, "reacting_force", 1_300_000_000 + pause, 7.0, 0)
+    forces = batch("reacting_force", (1 * SECOND, {"force": 5.0}), (1_100_000_000, {"force": 6.0}))
+    pause, over = 60 * SECOND, 61_200_000_000
+    tell(history, "status", status(over), over)
+    origin = entry(1, "origin", 1_200_000_000, ORIGIN + pause)
+    tell(history, "journal", origin, over)
+    history.settle([forces])
+    hear(history, "reacting_force", 1_300_000_000 + pause, force=7.0)
     assert history.time == 1.3
     bins = history.bins[0].view("reacting_force force", 0.0, 100.0, 10_000)
     used = bins["mean"] > 0.0
@@ -206,28 +250,45 @@ def test_stamps_that_begin_anew_move_nothing_of_the_same_run(history):
     ]
 
 
+def test_a_fault_of_before_a_pause_is_at_its_time_for_who_joins_after_it():
+    """The lists of faults that follow the pause have its origin; rejections do not."""
+    history, pause = LiveHistory(), 60 * SECOND
+    history.latched("command_results", rejection(2 * SECOND, "old"), 2 * SECOND)
+    faults = Faults(faults=[Fault(number=1, kind="bias", active=True)])
+    faults.header.stamp = stamp(ORIGIN + 3 * SECOND + pause)
+    faults.faults[0].onset = stamp(ORIGIN + SECOND + pause)
+    history.latched("faults", faults, 3 * SECOND + pause)
+    history.latched("journal", entry(2, "flush", 4 * SECOND, ORIGIN + pause), 4 * SECOND + pause)
+    begin = entry(0, "begin", 0, parameters=PARAMETERS)
+    history.complete([begin, entry(1, "origin", 3 * SECOND, ORIGIN + pause)])
+    history.release()
+    history.settle()
+    assert [fault["onset"] for fault in history.faults] == [1.0]
+    assert not [each for each in history.log()["log"] if each["kind"] == "refusal"]
+
+
 def test_a_drill_that_is_gone_stays_until_another_begins(history):
     impact(history, SECOND, 5.0)
     history.restart()
     impact(history, 9 * SECOND, 6.0)  # of the next one, before its journal
     assert history.impacts.between(0.0, 20.0)[0].tolist() == [1.0]
-    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    tell(history, "journal", entry(0, "begin", 0, parameters=PARAMETERS))
     assert (history.run, history.impacts.total) == (2, 0)
 
 
 def test_a_late_screen_holds_entries_until_it_has_those_before():
     history = LiveHistory()
-    history.latched("journal", entry(5, "weight_on_bit", 2 * SECOND, force=3.0))
+    tell(history, "journal", entry(5, "weight_on_bit", 2 * SECOND, force=3.0))
     assert (history.run, len(history.held)) == (0, 1)
     history.complete([entry(0, "begin", 0, parameters=PARAMETERS)])
     history.release()
     assert texts(history) == ["a run begins", "weight on bit 3 N"]
-    history.latched("journal", entry(6, "weight_on_bit", 3 * SECOND, force=4.0))
+    tell(history, "journal", entry(6, "weight_on_bit", 3 * SECOND, force=4.0))
     assert texts(history)[-1] == "weight on bit 4 N"
 
 
 def test_a_jump_in_the_journal_is_counted_as_lost(history):
-    history.latched("journal", entry(4, "flush", SECOND))
+    tell(history, "journal", entry(4, "flush", SECOND))
     assert history.journal_lost == 3
 
 
@@ -235,21 +296,15 @@ def test_a_jump_in_the_journal_is_counted_as_lost(history):
     "content", ["", "[" * 99999, "[]", '{"time": "now"}', f'{{"time": {10**30}}}']
 )
 def test_what_another_program_writes_into_the_journal_changes_nothing(history, content):
-    history.latched("journal", JournalEntry(sequence=1, kind="begin", content=content))
+    tell(history, "journal", JournalEntry(sequence=1, kind="begin", content=content))
     assert history.run == 1
 
 
 def test_refusals_stand_at_their_time_and_not_in_the_run_after_them():
-    def refused(time, reason):
-        result = CommandResult(kind="drive", accepted=False, reason=reason)
-        message = CommandResults(results=[result], repeated=0)
-        message.header.stamp = stamp(ORIGIN + time)
-        return message
-
     history = LiveHistory()
-    history.latched("command_results", refused(7 * SECOND, "old"), 90)
-    history.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS), 100)
-    history.latched("command_results", refused(2 * SECOND, "new"), 110)
+    tell(history, "command_results", rejection(7 * SECOND, "old"), 90)
+    tell(history, "journal", entry(0, "begin", 0, parameters=PARAMETERS), 100)
+    tell(history, "command_results", rejection(2 * SECOND, "new"), 110)
     log = history.log()["log"]
     assert [(line["time"], line["text"]) for line in log] == [
         (0.0, "a run begins"),
@@ -258,12 +313,12 @@ def test_refusals_stand_at_their_time_and_not_in_the_run_after_them():
 
 
 def test_what_a_drill_does_by_itself_is_no_command(history):
-    history.latched("journal", entry(1, "drive", SECOND, enabled=True, voltage=9.0, frequency=1e3))
+    tell(history, "journal", entry(1, "drive", SECOND, enabled=True, voltage=9.0, frequency=1e3))
     for time, lost in ((2, True), (3, True), (4, False)):
-        history.latched("status", status(time * SECOND, state="running", commands_lost=lost))
-    history.latched("journal", entry(2, "weight_on_bit", 2 * SECOND, force=1.0))
-    history.latched("journal", entry(3, "drive", 3 * SECOND, enabled=False))
-    history.latched("journal", entry(4, "weight_on_bit", 4 * SECOND, force=8.0))
+        tell(history, "status", status(time * SECOND, state="running", commands_lost=lost))
+    tell(history, "journal", entry(2, "weight_on_bit", 2 * SECOND, force=1.0))
+    tell(history, "journal", entry(3, "drive", 3 * SECOND, enabled=False))
+    tell(history, "journal", entry(4, "weight_on_bit", 4 * SECOND, force=8.0))
     told = [(line["time"], line["kind"], line["text"]) for line in history.log()["log"]]
     assert told[1:] == [
         (1.0, "command", "drive 9 V at 1 kHz"),
@@ -273,9 +328,9 @@ def test_what_a_drill_does_by_itself_is_no_command(history):
 
 
 def test_lost_messages_are_holes_of_their_topic(history):
-    hear(history, "reacting_force", SECOND, 5.0, 0)
-    history.sinks()["reacting_force"](ORIGIN + 3 * SECOND, (5.0, 0), 0)
-    history.settle({"reacting_force": 40})
+    hear(history, "reacting_force", SECOND, force=5.0)
+    later = batch("reacting_force", (3 * SECOND, {"force": 5.0}))
+    history.settle([later], {"reacting_force": 40})
     signal = history.signal("reacting_force")
     assert history.holes(signal) == [(1.0, 3.0)]
     assert history.numbers(3.0)["reacting_force"]["lost"]
@@ -286,9 +341,9 @@ def test_lost_messages_are_holes_of_their_topic(history):
 
 
 def test_the_rate_of_lost_impacts_is_that_of_the_counter(history):
-    hear(history, "reacting_force", 0, 5.0, 0)
+    hear(history, "reacting_force", 0, force=5.0)
     for time in (1, 2, 3):
-        history.latched("status", status(time * SECOND, state="running", impacts=400 * time))
+        tell(history, "status", status(time * SECOND, state="running", impacts=400 * time))
     impact(history, 3 * SECOND // 2, 100.0)
     shown = history.numbers(3.0)
     assert shown["impact_rate"]["mean"] == pytest.approx(400.0, rel=0.06)

@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 from recorded_bags import SECOND, ForceRecorder, rows_of, write_forces
 from sample_bags import write_bag
 
+from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded.runs import RecordedEntry, RecordedRun
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, JournalEntry
 from rpud_sim.viewer import recording as recordings
 from rpud_sim.viewer.frames import ClientState, View
 from rpud_sim.viewer.recorded import RecordedStore
-from rpud_sim.viewer.recording import RecordedBag, Rows, StampTimes
+from rpud_sim.viewer.recording import RecordedBag, TimeLine
 
 STEP = 10_000_000
 
@@ -23,9 +24,9 @@ STEP = 10_000_000
 def times_of(recording):
     """Return the times since the bag began of all messages, chunk by chunk [s]."""
     found = [
-        recording.times(topic, each) / SECOND
+        each.times / SECOND
         for number in range(len(recording.chunks))
-        for topic, each in recording.rows(number).items()
+        for each in recording.signals_in(number)
     ]
     return np.sort(np.concatenate(found))
 
@@ -68,9 +69,9 @@ def test_parts_of_a_range_are_found_also_where_time_passes_at_another_speed(tmp_
         for start, end in ((0.0, 0.05), (7.0, 7.2), (29.0, 29.99)):
             values = np.concatenate(
                 [
-                    each.values["force"]
+                    each.fields["force"]
                     for number in recording.chunks_between("/rpud", start, end)
-                    for each in recording.rows(number).values()
+                    for each in recording.signals_in(number)
                 ]
             )
             wanted = np.arange(np.ceil(start * 100 - 1e-6), np.floor(end * 100 + 1e-6) + 1)
@@ -173,8 +174,11 @@ def run_of(number, entries, window, end):
     return RecordedRun("bag", "/rpud/journal", number, 2, found, window, end)
 
 
-def first_of(stamp, published):
-    return Rows(*(np.array([each]) for each in (published, published, stamp)), {})
+def origins_of(line, published):
+    """Return numbers of runs and origins that a time line gives to messages of these times."""
+    none = np.zeros(len(published), np.int64)
+    parts = [*line.place(Batch("", np.array(published), starts=none, sizes=none))]
+    return [(part.run, part.origin) for part in parts for _ in range(len(part))]
 
 
 @given(
@@ -206,18 +210,18 @@ def test_time_goes_on_as_that_of_the_simulation(changes):
         else:
             origin = -now
         entries += [(each, origin + now, now, published) for each in ("begin", "origin")]
-    line = StampTimes(runs, first_of(stamps[0], sent[0]), sent[0])
-    assert (np.array(stamps) - line.offsets(np.array(sent))).tolist() == expected
+    line = TimeLine(runs, stamps[0], sent[0], 0)
+    origins = [origin for _, origin in origins_of(line, sent)]
+    assert (np.array(stamps) - origins).tolist() == expected
 
 
 def test_a_late_recording_begins_at_zero_and_what_came_before_its_first_run_is_shown():
     whole = run_of(1, [("begin", 0, 0, 0), ("origin", 0, 0, 0)], (0, 500), 500)
     last = run_of(2, [("begin", 7, 0, 501), ("origin", 7, 0, 501)], (501, 2**62), 90)
-    late = StampTimes([whole, last], first_of(47, 541), 541)
-    assert late.offset(541) == 47
-    assert (late.number(541), len(late.runs)) == (0, 1)
-    torn = StampTimes([last], first_of(400, 401), 401)  # the beginning of its first run is missing
-    assert [torn.offset(401), torn.offset(501)] == [400, 7 - 100]
+    late = TimeLine([whole, last], 47, 541, 0)
+    assert origins_of(late, [541]) == [(0, 47)]
+    torn = TimeLine([last], 400, 401, 0)  # the beginning of its first run is missing
+    assert origins_of(torn, [401, 501]) == [(0, 400), (1, 7 - 100)]
 
 
 def test_recorded_commands_are_no_drill_beside_the_drill(tmp_path):

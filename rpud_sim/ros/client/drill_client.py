@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import pairwise
@@ -42,7 +42,7 @@ from rpud_sim.ros.client.listening_node import (
     drill_nodes,
     no_drill,
 )
-from rpud_sim.ros.client.topics import FastTopics, Sink, listen
+from rpud_sim.ros.client.topics import FastTopics, listen
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.received import ReceivedTopic
 from rpud_sim.simulation.faults import Fault as CheckedFault
@@ -207,9 +207,9 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         self._observer = observer
         self._follow(*others)
 
-    def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
+    def telemetry(self, topics: Iterable[str]) -> FastTopics:
         """Subscribe to fast topics: see ``FastTopics``."""
-        return FastTopics(self, sinks)
+        return FastTopics(self, topics)
 
     # Commands: each returns when the drill has accepted it.
 

@@ -1,11 +1,11 @@
-"""Topics of a client: of any type, or fast ones decoded without rclpy; messages as plain values."""
+"""Topics of a client: of any type, or fast ones as bytes; messages as plain values."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from functools import cache
+from functools import partial
 from typing import Any
 
 from rclpy.exceptions import NameValidationException
@@ -15,11 +15,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.validate_topic_name import validate_topic_name
 
-from rpud_sim.bag import BagFormatError
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
-from rpud_sim.foundation.time import join_seconds
-from rpud_sim.messages.cdr import Codec
-from rpud_sim.messages.definitions import find_definition
+from rpud_sim.messages.batch import Batch
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
 from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
 from rpud_sim.ros.process import name_error
@@ -31,62 +28,34 @@ CUT = 128  # elements of an array, or characters of a text, that are shown unles
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
 _WAVES = 200  # blocks that may wait, each of some 100 kB
-_TYPES = {
-    name: message_class(TOPICS[name].type)
-    for name in (
-        *("nodal_plane", "drill_tool", "reacting_force", "contact_force", "actuator_state"),
-        *("rotation", "mount", "borehole", "waveform"),
-    )
-}
-# Fields by topic, in the order of the values.
-FIELDS: dict[str, tuple[str, ...]] = {
-    topic: tuple(kind.get_fields_and_field_types())[1:]
-    for topic, kind in _TYPES.items()
-    if topic != "waveform"
-}
-
-Sink = Callable[[int, tuple[Any, ...], int], object]
 
 
 class FastTopics(dict[str, ReceivedTopic]):
-    """Fast topics of a drill by name, decoded without rclpy.
+    """Fast topics of a drill by name, whose messages wait as bytes until ``batches`` is called."""
 
-    ``sinks`` has, by topic, a function of a message's stamp [ns], its values of ``FIELDS`` and when
-    it was published [ns]. The values of ``waveform`` are its sequence, its sample_period and a
-    tuple of six NumPy arrays.
-    """
-
-    def __init__(self, listening: ListeningNode, sinks: Mapping[str, Sink]) -> None:
-        for topic, sink in sinks.items():
-            wave = topic == "waveform"
-            kind, qos = _TYPES[topic], QoSProfile(depth=_WAVES if wave else DEPTH)
-            self[topic] = listening.subscribe(kind, topic, _decoding(kind, sink, wave), qos)
+    def __init__(self, listening: ListeningNode, topics: Iterable[str]) -> None:
+        self._waiting: dict[str, list[tuple[bytes, int, int]]] = {}
+        for topic in topics:
+            waiting = self._waiting[topic] = []
+            kind = message_class(TOPICS[topic].type)
+            qos = QoSProfile(depth=_WAVES if topic == "waveform" else DEPTH)
+            self[topic] = listening.subscribe(kind, topic, partial(_keep, waiting), qos)
 
     @property
     def lost(self) -> Mapping[str, int]:
         """Messages by topic that were sent and never arrived."""
         return {name: topic.lost for name, topic in self.items()}
 
-
-def _decoding(kind: Any, sink: Sink, wave: bool) -> Callable[[bytes, int, int], None]:
-    def receive(data: bytes, publish_time: int, log_time: int) -> None:
-        with suppress(BagFormatError):  # of another process: not of this type
-            stamp, values = decoded(kind, data)
-            sink(stamp, (*values[:2], values[2:]) if wave else values, publish_time)
-
-    return receive
+    def batches(self) -> list[Batch]:
+        """Return what came since the last call: of each topic with messages one batch."""
+        found = [Batch.of_bytes(topic, held) for topic, held in self._waiting.items() if held]
+        for waiting in self._waiting.values():
+            waiting.clear()
+        return found
 
 
-def decoded(kind: Any, data: bytes) -> tuple[int, tuple[Any, ...]]:
-    """Return the stamp of a message [ns] and its other fields, or raise a BagFormatError."""
-    header, *values = vars(_codec(kind).decode(data)).values()
-    return join_seconds(header.stamp.sec, header.stamp.nanosec), tuple(values)
-
-
-@cache
-def _codec(kind: Any) -> Codec:
-    name = f"rpud_msgs/msg/{kind.__name__}"
-    return Codec(name, find_definition(name))
+def _keep(waiting: list[tuple[bytes, int, int]], *message: Any) -> None:
+    waiting.append(message)
 
 
 def listen(
