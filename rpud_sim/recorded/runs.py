@@ -81,6 +81,15 @@ class RecordedRun:
     def topic(self, name: str) -> str:
         return self.prefix + name
 
+    def doubt(self, published: int | None = None) -> str:
+        """Return why the journal need not explain a message; empty if it has to.
+
+        ``published`` is when it was published [ns]; None is for what the run was from its end on.
+        """
+        if published is None:
+            return self.incomplete
+        return "" if published <= self.complete_until else self.incomplete or self.ends_early
+
     def lacks(self, end: int | None = None) -> str:
         """Return why the journal is not complete up to a simulation time [ns]; empty if it is.
 
@@ -260,7 +269,7 @@ def find_drill(
             several = (
                 f"{bag.path} holds {found.runs} runs: the first is compared; choose with --run"
             )
-            warnings = (found.incomplete, several if found.runs > 1 and run is None else "")
+            warnings = (found.doubt(), several if found.runs > 1 and run is None else "")
             return replace(found, warnings=tuple(filter(None, warnings)))
     elif run not in (None, 1):
         raise RecordingError(f"{bag.path} holds no journal, so there is no run {run}")

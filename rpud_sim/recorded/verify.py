@@ -202,19 +202,17 @@ class _Proof:
                 return  # times that contradict each other may be any
         comparisons = self._compare()
         found = [suspect for each in comparisons.values() for suspect in each.suspects]
-        incomplete = [run.incomplete for run in self._runs if run.incomplete]
-        # The journal holds all that could explain a message up to then.
-        decided = [
-            each for each in found if each.published <= self._runs[each.run - 1].complete_until
-        ]
+        open_ended = [doubt for run in self._runs if (doubt := run.doubt())]
+        # The journal holds all that could explain the others.
+        doubts = [self._runs[each.run - 1].doubt(each.published) for each in found]
+        decided = [each for each, doubt in zip(found, doubts, strict=True) if not doubt]
         older = sum(
             c.counts["before"] for name, c in comparisons.items() if not TOPICS[name].latched
         )
-        if incomplete:
-            self.undecided = f"cannot be decided: {incomplete[0]}"
+        if open_ended:
+            self.undecided = f"cannot be decided: {open_ended[0]}"
         elif found and not decided:
-            early = self._runs[found[0].run - 1].ends_early
-            self.undecided = f"{early}. {len(found)} messages after it are not as computed"
+            self.undecided = f"{doubts[0]}. {len(found)} messages after it are not as computed"
         elif older:
             self.undecided = f"{older} messages are of before the journal begins"
         self.differences += [each.difference for each in decided]

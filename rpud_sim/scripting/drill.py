@@ -13,8 +13,7 @@ from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.verbs import verb
-from rpud_sim.scripting.growing_run import GrowingRun
-from rpud_sim.scripting.runs import DrillRun, Faults, beginning_of
+from rpud_sim.scripting.runs import DrillRun, Faults, GrowingColumns, beginning_of
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Clear, Inject, parameter_changes
 from rpud_sim.simulation.commands import Command, Drive, DriveChange, Feed, MountMotion, WeightOnBit
@@ -79,7 +78,7 @@ class Drill:
         self._blocks: list[Block] = []  # of the latest step
         self._swings = False  # whether a mount that swings was warned of
         self._seen: tuple[int, int] = (-1, 0)
-        self._growing = GrowingRun()
+        self._growing = GrowingColumns()
         self._run = Run(Plan(beginning), self._journal, wanted=None, on_block=self._keep)
         self._run.begin(0)
         self._run.take_over()

@@ -23,8 +23,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import yaml_node
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
+from rpud_sim.recorded.growing_run import GrowingRun
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
-from rpud_sim.scripting.growing_run import GrowingRun
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block, first_sample
 from rpud_sim.simulation.changes import Change
@@ -53,6 +53,8 @@ _CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHA
 _CLOSE, _CLOSE_RATE = 0.002, 500_000  # close look of a plot: its length [s], its samples [Hz]
 _RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
+# Topics with messages that a run has only at its end.
+_AT_END = ("waveform", "trajectory", "power", "status", "journal")
 
 
 class _UnknownNameError(KeyError):
@@ -151,6 +153,38 @@ def _path(name: str, value: Any) -> Path:
         raise ParameterError(f"{name} = {shown(value)} is not the path of a file") from None
 
 
+class GrowingColumns:
+    """Columns of the topics of a run that continues; a copy starts empty."""
+
+    def __init__(self) -> None:
+        self._run: GrowingRun | None = None
+        self._scheduled = 1  # changes of the plan; the first one sets the origin
+        self._columns: dict[str, Mapping[str, np.ndarray]] = {}  # by topic
+
+    def columns(self, topic: str, plan: Plan, end: int) -> Mapping[str, np.ndarray] | None:
+        """Return the columns of a topic of the plan's run that ends at a time [ns].
+
+        None if a longer run begins with other messages, or the run is beyond that time.
+        """
+        if self._run is None:
+            self._run = GrowingRun(dataclasses.replace(plan, changes=plan.changes[:1]))
+        if topic in _AT_END or end < self._run.run.time:
+            return None
+        new = [each for each in plan.changes[self._scheduled :] if each.time < end]
+        self._scheduled += len(new)
+        found = self._run.new(topic)  # before it advances, so that the first topic comes from it
+        self._run.advance(new, end)
+        further = rows_of(topic, found + self._run.new(topic))
+        known = self._columns.get(topic, further)
+        if known is not further:
+            further = {name: np.concatenate([known[name], further[name]]) for name in known}
+        self._columns[topic] = further
+        return further
+
+    def __reduce__(self) -> Any:
+        return GrowingColumns, ()
+
+
 class DrillRun:
     """Run of the drill: its plan, up to a time; everything else is computed when it is asked for.
 
@@ -164,7 +198,7 @@ class DrillRun:
         end: int,
         bag: BagReader | None = None,
         recorded: RecordedRun | None = None,
-        growing: GrowingRun | None = None,
+        growing: GrowingColumns | None = None,
     ) -> None:
         self.plan = plan
         self.duration = end / SECOND  # simulated time [s]

@@ -14,6 +14,7 @@ from rpud_msgs.msg import Status
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.definitions import installed_codec
+from rpud_sim.recorded.growing_run import GrowingRun
 from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.changes import Change, action_of
@@ -99,9 +100,9 @@ class ComputedDrill:
         self._origin = 0  # stamp of simulation time zero [ns]
         self._time = 0  # simulation time that the drill has reached [ns]
         self._status: Status | None = None  # at this time, to be compared
-        self._run: Run | None = None
+        self._run: GrowingRun | None = None
         self._scheduled = 0  # entries that the run has
-        self._batches: dict[str, list[Batch]] = {}  # by topic; those that are computed
+        self._batches: dict[str, list[Batch]] = {}  # by topic
 
     @property
     def entries(self) -> tuple[JournalEntry, ...]:
@@ -161,41 +162,30 @@ class ComputedDrill:
         self.refresh()
         if topic == "journal":
             return self._journal
-        self._advance()
-        if topic not in self._batches and self._run is not None:
-            # This topic was not wanted until now: once more, from the beginning.
-            self._batches[topic] = []
-            again = Run(Plan.of(self._entries), None, {topic}.__contains__)
-            self._take(again, self._run.time, {topic})
-        return self._batches.get(topic, [])
+        found = self._batches.setdefault(topic, [])
+        if self._entries:
+            for batch in self._advanced().new(topic):
+                self._keep(batch, found)
+        return found
 
-    def _advance(self) -> None:
-        """Bring the run to the current time, with all changes."""
-        if not self._entries:
-            return
+    def _advanced(self) -> GrowingRun:
+        """Return the run at the current time, with all changes."""
         if self._run is None:
-            wanted = self._batches.__contains__
-            self._run = Run(Plan.of(self._entries[:1]), None, wanted)
+            self._run = GrowingRun(Plan.of(self._entries[:1]))
             self._scheduled = 1
         if self._status is not None:
             self._carry_out(self._run, int(self._status.journal_entries) - self.count)
-            self._compare(self._run, self._status)
+            self._compare(self._run.run, self._status)
             self._status = None
         self._carry_out(self._run, 0)
+        return self._run
 
-    def _carry_out(self, run: Run, later: int) -> None:
+    def _carry_out(self, run: GrowingRun, later: int) -> None:
         """Advance with all entries but the last ones, whose number is given as less than zero."""
         end = len(self._entries) + later
         new = self._entries[self._scheduled : end]
-        run.schedule(*(Change(e.time, action_of(e.kind, e.content)) for e in new))
         self._scheduled = max(self._scheduled, end)
-        self._take(run, self._time, self._batches)
-
-    def _take(self, run: Run, until: int, topics: Iterable[str]) -> None:
-        wanted = {*topics}
-        for batch in run.advance_to(until):
-            if batch.topic in wanted:
-                self._keep(batch, self._batches[batch.topic])
+        run.advance([Change(e.time, action_of(e.kind, e.content)) for e in new], self._time)
 
     def _keep(self, batch: Batch, found: list[Batch]) -> None:
         found.append(batch.serialized(installed_codec(TOPICS[batch.topic].type)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
@@ -153,16 +152,15 @@ class Record:
             return None
         periodic = [topic for topic in counting if topic in PERIODIC] or counting
         begin = min(int(self.messages(topic).stamps[0]) for topic in periodic)
-        start, _ = self._start
+        start = self._start
         if start is not None and start <= begin <= start + PERIODIC_HOLD:
             begin = start
         return begin, max(int(self.messages(topic).stamps[-1]) for topic in counting)
 
     def zero(self, topics: Collection[str]) -> int:
         """Return the stamp from which a verdict's times count [ns]: simulation time zero."""
-        _, zero = self._start
-        if zero is not None:
-            return zero
+        if (start := self._start) is not None:
+            return start
         span = self.span(topics)
         return span[0] if span else 0
 
@@ -192,26 +190,12 @@ class Record:
                     raise ExpectationError(f"{expectation.name}: {error}") from None
 
     @property
-    def _start(self) -> tuple[int | None, int | None]:
-        """Stamps of the run's start and of simulation time zero [ns]; None without a journal.
-
-        The journal begins with an entry ``begin``. One named ``origin`` at the same time sets the
-        stamps.
-        """
-        journal, found, begun = self.messages("journal"), (None, None), None
-        names = ("kind", "content")
-        columns = [journal.column(name) for name in names] if len(journal) else [[], []]
-        for kind, content, stamp in zip(*columns, journal.stamps.tolist(), strict=True):
-            try:
-                time = json.loads(str(content))["time"]
-            except (LookupError, RecursionError, TypeError, ValueError):
-                time = 0
-            time = time if type(time) is int else 0
-            if kind == "begin" or (kind == "origin" and begun in (None, time)):
-                begun, found = time, (stamp, stamp - time)
-                if kind == "origin":
-                    return found
-        return found
+    def _start(self) -> int | None:
+        """Stamp of the run's beginning, simulation time zero [ns]; None without a journal."""
+        journal = self.messages("journal")
+        kinds = journal.column("kind") if len(journal) else []
+        begun = zip(kinds, journal.stamps.tolist(), strict=False)
+        return next((stamp for kind, stamp in begun if kind == "begin"), None)
 
     def _add_columns(self, topic: str, columns: Mapping[str, np.ndarray]) -> None:
         if self._columns[topic] and self._columns[topic][0].name == "time":

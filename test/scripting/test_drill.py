@@ -8,8 +8,8 @@ import pytest
 
 import rpud_sim
 from rpud_sim import testing
+from rpud_sim.recorded import growing_run
 from rpud_sim.ros.client import DrillClient
-from rpud_sim.scripting import growing_run
 
 WORDS = (
     *("press", "drive", "feed", "move", "engage", "inject", "clear"),
@@ -70,7 +70,7 @@ def test_its_run_is_computed_on_from_where_it_was_and_equals_a_whole_one(monkeyp
         drill.step(0.013)
         for topic in ("reacting_force", "faults", "wrench"):
             drill.run[topic]
-    assert len(runs) == 3
+    assert len(runs) == 4  # that which continues, and the beginning of each topic
     whole = pickle.loads(pickle.dumps(drill.run))  # which is computed anew
     assert early.duration == pytest.approx(0.377)
     for topic in whole.topics:

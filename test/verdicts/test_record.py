@@ -186,17 +186,9 @@ def test_values_of_one_stamp_without_an_order_are_bounds():
         assert outcome(always(FORCE < "5 N"), record) == "failed"
 
 
-@pytest.mark.parametrize("content", ["", "[" * 99_999, "{}", '{"time": "now"}'])
-def test_an_entry_without_a_time_is_of_time_zero(content):
+def test_times_count_from_the_beginning_of_the_run():
     record = Record()
-    record.add("journal", SECOND, {"sequence": 0, "kind": "begin", "content": content})
-    record.add("status", 2 * SECOND, {"weight_on_bit": 10.0})
-    assert record.zero(["status"]) == SECOND
-
-
-def test_times_count_from_the_first_origin_of_the_run():
-    record = Record()
-    record.add(*entry(0, "begin", 0))
+    record.add(*entry(0, "begin", 0, 3 * SECOND))
     record.add(*entry(1, "origin", 0, 3 * SECOND))
     record.add("status", 4 * SECOND, {"weight_on_bit": 10.0})
     record.add(*entry(2, "origin", SECOND, 5 * SECOND))
