@@ -119,11 +119,10 @@ def _write_bag(options: Any, plan: Plan, report: Callable[[float], object]) -> d
 
 
 def _lines(metrics: dict[str, Any]) -> Iterator[str]:
-    from rpud_sim.simulation.metrics import METRICS
+    from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 
-    depth = {"depth": "m", "penetration_rate": "m/s"}
     errors = metrics.get("standard_error", {})
-    for name, unit in {"duration": "s", **METRICS, **depth, "real_time_factor": ""}.items():
+    for name, unit in {"duration": "s", **METRIC_UNITS, "real_time_factor": ""}.items():
         if name in metrics:
             error = cell(errors.get(name), ".2g", "")
             text = cell(metrics[name], ".6g") + (error and f" +- {error}")

@@ -36,13 +36,11 @@ from rpud_sim.simulation.topics import TOPICS
 _TYPE = TOPICS["trajectory"].type
 _MOST = 100_000  # rows in one step
 _UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
+CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHANNELS}
 _FLOAT = np.dtype(np.float64)
 _COLUMNS = (
     Column("time", Kind.TIME, np.dtype(np.int64), description="stamp of the sample, rounded"),
-    *(
-        Column(channel, Kind.NUMBER, _FLOAT, unit=_UNITS[channel.rpartition("_")[2]])
-        for channel in CHANNELS
-    ),
+    *(Column(name, Kind.NUMBER, _FLOAT, unit=unit) for name, unit in CHANNEL_UNITS.items()),
 )
 
 

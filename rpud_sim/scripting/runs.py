@@ -19,19 +19,21 @@ from rpud_sim.bag import BagReader, Column, Kind
 from rpud_sim.bag.tables import to_frame
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import yaml_node
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
 from rpud_sim.recorded.growing_run import GrowingRun
 from rpud_sim.recorded.offline_bag import kept_topics, run_batches, write_offline_bag
+from rpud_sim.recorded.rebuild import CHANNEL_UNITS
 from rpud_sim.scripting.plots import plot_run
 from rpud_sim.simulation.block import Block, first_sample
 from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultError
-from rpud_sim.simulation.metrics import METRICS, Metrics
+from rpud_sim.simulation.metrics import Metrics
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample
@@ -48,8 +50,6 @@ if TYPE_CHECKING:
 Faults = str | os.PathLike[str] | Mapping[str, Any] | Sequence[str | Mapping[str, Any]]
 
 _RATE = Quantity("Hz", "rate of samples", 1, 1e7, whole=True)
-_UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
-_CHANNEL_UNITS = {channel: _UNITS[channel.rpartition("_")[2]] for channel in CHANNELS}
 _CLOSE, _CLOSE_RATE = 0.002, 500_000  # close look of a plot: its length [s], its samples [Hz]
 _RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
@@ -285,7 +285,7 @@ class DrillRun:
         samples = sample(self._segments, times) if count else None
         values = {n: np.empty(0) if samples is None else getattr(samples, n) for n in CHANNELS}
         return Columns(
-            {"time": times.seconds + times.fraction, **values}, {"time": "s", **_CHANNEL_UNITS}
+            {"time": times.seconds + times.fraction, **values}, {"time": "s", **CHANNEL_UNITS}
         )
 
     def plot(self) -> Figure:
@@ -307,7 +307,7 @@ class DrillRun:
         return f"<DrillRun{bag}: {self.duration:g} s, seed {self.seed}>"
 
     def _repr_html_(self) -> str:
-        units = {"duration": "s", **METRICS}
+        units = {"duration": "s", **METRIC_UNITS}
         rows = "".join(
             f"<tr><td>{escape(name)}</td><td>{value:.6g} {escape(units[name])}</td></tr>"
             for name, value in self.metrics.items()

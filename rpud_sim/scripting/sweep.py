@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.options import POSITIVE_SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.scripting.runs import DrillRun, simulate
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.metrics import METRICS
 from rpud_sim.simulation.versions import engine_versions
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ _SEEDS = Quantity("", "number of runs at each point", 1, 1e6, whole=True)
 _TASK = 20.0  # simulated time of a task, about: long beside the way to a worker [s]
 _TASKS = 64  # of a small sweep, so that several workers have work
 _DELAY = 2.0  # until a terminal shows the progress [s]
-_UNITS = {**METRICS, "depth": "m", "penetration_rate": "m/s"}  # of the metrics of a run
 
 
 def sweep(
@@ -80,7 +79,7 @@ def sweep(
 def unit_of(name: str) -> str:
     """Return the SI unit of a parameter or a figure; empty for one without a unit."""
     allowed = PARAMETERS[name].allowed if name in PARAMETERS else None
-    return allowed.unit if isinstance(allowed, Quantity) else _UNITS.get(name, "")
+    return allowed.unit if isinstance(allowed, Quantity) else METRIC_UNITS.get(name, "")
 
 
 def grid(values: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -146,7 +145,7 @@ def _figures(runs: Sequence[DrillRun], versions: Mapping[str, str]) -> list[Resu
     for run in runs:
         try:
             found.append(
-                ({name: run.metrics[name] for name in _UNITS if name in run.metrics}, None)
+                ({name: run.metrics[name] for name in METRIC_UNITS if name in run.metrics}, None)
             )
         except Exception as error:
             found.append(({}, _reason(error)))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.rotor import RotorWork
-from rpud_sim.foundation.shown_quantities import metric_quantity
+from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import TERMS
@@ -33,24 +33,7 @@ from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, sum_a
 
 # Names and units of the metrics of every run.
 METRICS = MappingProxyType(
-    {
-        name: metric_quantity(name).si
-        for name in (
-            "events",
-            "drill_tool_impact_rate",
-            "actuator_impact_rate",
-            "impact_velocity_mean",
-            "contact_force_mean",
-            "contact_force_p99",
-            "contact_force_max",
-            "contact_duration_mean",
-            "squeezed_impact_rate",
-            "kinetic_energy_rate",
-            "energy_transferred_rate",
-            "energy_absorbed_rate",
-            "reacting_force_mean",
-        )
-    }
+    {name: unit for name, unit in METRIC_UNITS.items() if name not in ("depth", "penetration_rate")}
 )
 Values = dict[str, float | int | None]
 

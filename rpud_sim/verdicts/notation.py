@@ -253,26 +253,6 @@ def _line(plain: Any) -> str:
     return f"{word}({', '.join([_line(plain[word]), *rest])})"
 
 
-def to_words(formula: f.Formula) -> str:
-    """Return a formula as a sentence, as ``always status.lag < 1 s``."""
-    return _words(to_plain(formula))
-
-
-def _words(plain: Any) -> str:
-    if isinstance(plain, list):  # of formulas
-        return f"({'; '.join(map(_words, plain))})"
-    if not isinstance(plain, dict):
-        return str(plain)
-    word, *others = plain
-    if word in ("onset", "cleared", "fault"):
-        verb = {"onset": "begins", "cleared": "ends", "fault": "lasts"}[word]
-        return f"{_words(plain[word]).replace('_', ' ')} {verb}"
-    spans = {key: " and ".join(plain[key]) for key in others if key == "between"}
-    signs = {"expect": ":"}
-    rest = [f"{signs.get(key, f' {key}')} {spans.get(key) or _words(plain[key])}" for key in others]
-    return f"{word} {_words(plain[word])}{''.join(rest)}"
-
-
 def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
     if isinstance(formula, (f.Compare, f.HasText)):

@@ -23,7 +23,7 @@ from rpud_sim.verdicts.formulas import (
     Until,
 )
 from rpud_sim.verdicts.names import Expectation
-from rpud_sim.verdicts.notation import to_text, to_words
+from rpud_sim.verdicts.notation import to_text
 from rpud_sim.verdicts.reasons import described, unit_of, why_undecided
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH
@@ -107,9 +107,8 @@ def _why_failed(expectation: Expectation, evaluation: Evaluation, decision: Deci
     """Return what the signals were, how late it was, and what was required, unless the name is."""
     at = evaluation.seconds(decision.time)
     text = described(evaluation, decision.reasons) or f"broken at {at:.9g} s"
-    formula = expectation.formula
-    named = expectation.name == to_text(formula)
-    return text if named else f"{text}; required: {to_words(formula)}"
+    required = to_text(expectation.formula)
+    return text if expectation.name == required else f"{text}; required: {required}"
 
 
 def _units(formula: Formula, record: Record) -> set[str]:

@@ -60,7 +60,7 @@ def test_json_and_junit_have_every_verdict(drill_bag, rpud, tmp_path):
     assert properties["margin"].endswith(" N")
     message = heavy.find("failure").get("message")
     assert message.startswith("failed: reacting_force.force was ")
-    assert message.endswith("; required: always reacting_force.force > 1 kN")
+    assert message.endswith("; required: always(reacting_force.force > 1 kN)")
     assert "before it is decided" in long.find("error").get("message")
 
 

@@ -206,6 +206,7 @@ def test_a_missing_entry_leaves_the_run_undecided_after_it(bag, tmp_path):
     [
         (7, "entries 2 to 6 of the journal are missing"),
         (0, "entry 0 of the journal comes after entry 1"),
+        (2**64 - 1, f"entries 2 to {2**64 - 2} of the journal are missing"),
     ],
 )
 def test_an_end_with_another_number_proves_nothing(bag, tmp_path, number, reason):

@@ -116,7 +116,7 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
     result.stdout.fnmatch_lines(
         [
             "E *ExpectationFailedError: [[]R1] calm: failed: reacting_force.force was * N at * s; "
-            "required: always reacting_force.force < 5 N (evaluated at 0.200 s)",
+            "required: always(reacting_force.force < 5 N) (evaluated at 0.200 s)",
             f"E *{REFUSED}",
             f"artefacts: {folder}",
             f"bag: {folder}/bag",

@@ -21,7 +21,7 @@ from rpud_sim.verdicts import (
     unless,
     until,
 )
-from rpud_sim.verdicts.notation import to_formula, to_plain, to_text, to_words
+from rpud_sim.verdicts.notation import to_formula, to_plain, to_text
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -89,28 +89,6 @@ def test_a_form_is_understood_and_written_again(plain, formula):
     for each in (plain, to_plain(formula)):
         assert to_formula(yaml_node(each, "test")) == formula
     Expectation("it", formula)
-
-
-@pytest.mark.parametrize(
-    ("formula", "text"),
-    [
-        (
-            after(Onset(JAMMED), eventually(WEIGHT.equals("0 N", "1 N"), within="0.5 s")),
-            "after free mass jammed begins: "
-            "eventually status.weight_on_bit == 0 N +- 1 N within 0.5 s",
-        ),
-        (
-            until(~Active(JAMMED), FORCE > "40 N", between=("1 s", None)),
-            "hold not free mass jammed lasts until reacting_force.force > 40 N between 1 s and end",
-        ),
-        (
-            always((FORCE > "40 N") | Active(JAMMED)),
-            "always any (reacting_force.force > 40 N; free mass jammed lasts)",
-        ),
-    ],
-)
-def test_a_formula_is_said_in_words(formula, text):
-    assert to_words(formula) == text
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from rpud_sim.verdicts import (
     unless,
     until,
 )
-from rpud_sim.verdicts.notation import to_text, to_words
+from rpud_sim.verdicts.notation import to_text
 from rpud_sim.verdicts.verdict import latest_values
 
 FORCE = signal("reacting_force.force")
@@ -97,7 +97,7 @@ def test_a_verdict_has_plain_content(jammed):
         "at": 1.2,
         "reaction_time": None,
         "text": "status.weight_on_bit was 0 N at 1.2 s; "
-        "required: always status.weight_on_bit == 10 N",
+        "required: always(status.weight_on_bit == 10 N)",
     }
 
 
@@ -138,7 +138,7 @@ NO_LATER = "never came in the record from 0 s until 4 s"
 )  # fmt: skip
 def test_a_failed_verdict_says_what_was_there_and_how_late_it_came(jammed, formula, text):
     found = verdict(formula, jammed)
-    assert (found.outcome, found.text) == ("failed", f"{text}; required: {to_words(formula)}")
+    assert (found.outcome, found.text) == ("failed", f"{text}; required: {to_text(formula)}")
 
 
 def test_a_requirement_that_is_its_own_name_is_said_once(jammed):
