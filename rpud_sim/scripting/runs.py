@@ -21,7 +21,8 @@ from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import yaml_node
+from rpud_sim.foundation.yaml_files import cursor_at
+from rpud_sim.messages.columns import RECEIVED
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
 from rpud_sim.recorded.growing_run import GrowingRun
@@ -51,7 +52,6 @@ Faults = str | os.PathLike[str] | Mapping[str, Any] | Sequence[str | Mapping[str
 
 _RATE = Quantity("Hz", "rate of samples", 1, 1e7, whole=True)
 _CLOSE, _CLOSE_RATE = 0.002, 500_000  # close look of a plot: its length [s], its samples [Hz]
-_RECEIVED = ("log_time", "publish_time")
 _TIMES = (Kind.TIME, Kind.DURATION)
 # Topics with messages that a run has only at its end.
 _AT_END = ("waveform", "trajectory", "power", "status", "journal")
@@ -207,6 +207,7 @@ class DrillRun:
         self.recorded = recorded  # where it lies in a bag; None for one in memory
         self._growing = growing  # of a drill that may continue
         self._columns: dict[str, Columns] = {}  # by topic
+        self._origins: dict[str, np.ndarray] = {}  # stamps of time zero of recorded rows, by topic
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -256,8 +257,7 @@ class DrillRun:
         """Return the simulation time of each row of a topic [s]."""
         columns = self[topic]
         stamps = columns["time"] if "time" in columns else columns["header.stamp"]
-        origin = self.recorded.origin if self.recorded is not None else 0
-        return (stamps - origin) / SECOND
+        return (stamps - self._origins.get(topic, 0)) / SECOND
 
     def frame(self, topic: str) -> pandas.DataFrame:
         """Return a topic as a pandas frame; its index is simulation time [s].
@@ -339,9 +339,9 @@ class DrillRun:
         name = self.recorded.topic(topic)
         found = self._bag.arrays(name)
         held = self.recorded.holds(found["publish_time"])
-        return _own_columns(
-            {name: values[held] for name, values in found.items()}, self._bag.columns(name)
-        )
+        own = {name: values[held] for name, values in found.items()}
+        self._origins[topic] = self.recorded.origins(own["publish_time"])
+        return _own_columns(own, self._bag.columns(name))
 
     @cached_property
     def _segments(self) -> np.ndarray:
@@ -359,7 +359,7 @@ class DrillRun:
 
 def _own_columns(values: Mapping[str, np.ndarray], columns: Sequence[Column]) -> Columns:
     """Return columns without the times of a recorder."""
-    kept = {name: each for name, each in values.items() if name not in _RECEIVED}
+    kept = {name: each for name, each in values.items() if name not in RECEIVED}
     units = {e.name: "ns" if e.kind in _TIMES else e.unit for e in columns if e.name in kept}
     return Columns(kept, units)
 

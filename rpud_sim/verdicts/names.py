@@ -10,12 +10,10 @@ from functools import cache
 import numpy as np
 
 from rpud_sim.bag import Column, Kind
-from rpud_sim.bag.tables import holds_rows, row_columns
 from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.messages.cdr import Codec
-from rpud_sim.messages.columns import RECEIVED, columns_of
-from rpud_sim.messages.definitions import find_definition
+from rpud_sim.messages.columns import RECEIVED
+from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.verdicts.formulas import (
     Active,
@@ -116,18 +114,10 @@ class Expectation:
 
 
 @cache
-def drill_columns(topic: str, blocks: bool = False) -> tuple[Column, ...]:
-    """Return the columns of a topic of the drill.
-
-    Where its messages are blocks of rows, these are those of each row, or, with ``blocks``, those
-    of a block.
-    """
-    definition = find_definition(TYPES[topic])
-    columns = columns_of(Codec(TYPES[topic], definition), definition)
-    if blocks:
-        received = (Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
-        return (*received, *columns)
-    return row_columns(columns) if holds_rows(TYPES[topic], columns) else columns
+def drill_columns(topic: str) -> tuple[Column, ...]:
+    """Return the columns of a topic of the drill, of each row where messages are blocks of rows."""
+    columns = drill_table(TYPES[topic]).columns
+    return tuple(column for column in columns if column.name not in RECEIVED)
 
 
 def find_field(signal: Signal, columns: tuple[Column, ...]) -> SignalField:

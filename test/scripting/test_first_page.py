@@ -1,6 +1,5 @@
 """The listing of the package's first page: simulate, look, save, open."""
 
-import json
 import pickle
 import subprocess
 import sys
@@ -8,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_bags import SECOND, ForceRecorder
 
 import rpud_sim
-from rpud_sim.cli.main import main
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.plan import Beginning
 
 CONFIG = Path(__file__).parents[2] / "config"
 ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "initial_feed": 0.001}
@@ -38,16 +39,6 @@ def test_the_face_has_eleven_names_and_a_version():
         rpud_sim.simulat  # noqa: B018
 
 
-def test_its_figures_are_those_of_the_command(run, capsys):
-    words = ["simulate", "--duration", "2", "--set", "weight_on_bit=20", "--seed", "3", "--json"]
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    assert ended.value.code == 0
-    printed = json.loads(capsys.readouterr().out)
-    for name, value in run.metrics.items():
-        assert printed[name] == value, name
-
-
 def test_columns_have_units_and_times(run):
     impacts = run["contact_force"]
     assert len(impacts["peak_force"]) > 500
@@ -73,6 +64,19 @@ def test_a_waveform_has_any_rate_and_meets_the_samples(run):
     assert run.waveform(100, duration=0.29)["time"][-1] == 0.28
     parts = [run.waveform(7_777, start=n / 10, duration=0.1)["time"] for n in range(20)]
     assert (np.concatenate(parts) == run.waveform(7_777)["time"]).all()
+
+
+def test_times_before_a_pause_count_from_the_origin_of_then(tmp_path):
+    recorder, step, pause = ForceRecorder(tmp_path / "bag"), SECOND // 100, 60 * SECOND
+    recorder.tell(0, "begin", 0, 0, **Beginning(Settings()).to_journal())
+    recorder.tell(0, "origin", 0, 0, origin=0)
+    recorder.write([(n * step, n * step, 1.0) for n in range(100)])
+    recorder.tell(SECOND + pause, "origin", SECOND + pause, SECOND, origin=pause)
+    recorder.write([(n * step + pause + 1, n * step + pause, 1.0) for n in range(100, 200)])
+    recorder.close()
+    with rpud_sim.open(recorder.path) as bag:
+        times = bag.runs[0].times("reacting_force")
+    assert times == pytest.approx(np.arange(200) / 100)
 
 
 def test_runs_in_memory_are_verified_and_compared(tmp_path):
