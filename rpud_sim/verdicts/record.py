@@ -65,15 +65,15 @@ class Record:
         ``expectations`` name are checked first. A RecordingError explains a failure.
         """
         with open_bag(path) as bag:
-            known = {summary.topic.name: summary for summary in bag.topics}
             record = cls(bag_namespace(bag.topics, namespace))
-            wanted = {record._absolute(topic): topic for topic in topics}
-            for name, topic in wanted.items():
-                if name not in known:
+            known = {summary.topic.name: summary for summary in bag.topics}
+            wanted: dict[str, str] = {}  # topics by their names in the bag
+            for topic in topics:
+                if (name := record._absolute(topic)) not in known:
                     hint = suggestion(name, known)
                     record._notes[topic] = f"the bag holds no topic {name}{hint}"
-            wanted = {name: topic for name, topic in wanted.items() if name in known}
-            for name, topic in wanted.items():
+                    continue
+                wanted[name] = topic
                 record._columns[topic] = bag.columns(name)
                 losses = known[name].losses
                 record._losses[topic] = (losses.total or 0) if losses is not None else 0
