@@ -15,6 +15,8 @@ from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.viewer.frames import ClientState
+from rpud_sim.viewer.recorded import RecordedStore
 
 SECOND = 1_000_000_000
 FORCE = "rpud_msgs/msg/ReactingForce"
@@ -114,3 +116,12 @@ def rows_of(count, stamp=0, first=0):
         (number * step, stamp + number * step, float(number))
         for number in range(first, first + count)
     ]
+
+
+def frame_of(path: Path, **state):
+    """Return the first frame of a browser in a state, of a bag that was read whole."""
+    with RecordedStore(path) as store:
+        store.read_all()
+        client = ClientState(**state)
+        store.open(client)
+        return store.frame(client)

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 from altered_bags import altered, numbered
-from recorded_bags import SECOND, ForceRecorder, header, rows_of
+from recorded_bags import SECOND, ForceRecorder, frame_of, header, rows_of
 from sample_bags import write_offline_bag
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.messages.columns import to_plain
 from rpud_sim.messages.definitions import find_definition, find_type_hash, installed_codec
 from rpud_sim.simulation import preset
-from rpud_sim.viewer.frames import ClientState, View
-from rpud_sim.viewer.recorded import RecordedStore
+from rpud_sim.viewer.frames import View
 
 CONTACT, FAULTS = "rpud_msgs/msg/ContactForce", "rpud_msgs/msg/Faults"
 
@@ -23,13 +22,7 @@ def healthy(tmp_path_factory):
     return path
 
 
-def frame_of(path, playhead=None):
-    """Return the frame of a bag that was read whole, at a time [s]."""
-    with RecordedStore(path) as store:
-        store.read_all()
-        client = ClientState(view=View(None, 0.0, 99.0), playhead=playhead)
-        store.open(client)
-        return store.frame(client)
+WHOLE = View(None, 0.0, 99.0)
 
 
 def test_one_garbage_impact_leaves_the_band_of_all_others(healthy, tmp_path):
@@ -40,12 +33,12 @@ def test_one_garbage_impact_leaves_the_band_of_all_others(healthy, tmp_path):
         return [codec.encode({**fields, "peak_force": 5.622377492818663e174})]
 
     path = altered(healthy, tmp_path / "bag", numbered("contact_force", 700, spoil))
-    layer = frame_of(path)["view"]["layers"]["peak_force"]
+    layer = frame_of(path, view=WHOLE)["view"]["layers"]["peak_force"]
     assert np.nanmin(layer["low"]) > 10.0
     assert np.nanmax(layer["high"]) < 10e3
     assert len(layer["outliers"]["v"]) + layer["outliers"]["more"] < 200
     assert layer["garbage"]["count"] == 1
-    peak = frame_of(path, layer["garbage"]["t"][0] + 0.3)["numbers"]["peak_force"]
+    peak = frame_of(path, playhead=layer["garbage"]["t"][0] + 0.3)["numbers"]["peak_force"]
     assert (peak["garbage"], 1e3 < peak["mean"] < 10e3) == (1, True)  # of all others
 
 
@@ -59,15 +52,15 @@ def test_lost_messages_are_not_shown_as_no_impacts(healthy, tmp_path):
         return [] if lost and message.topic == "/rpud/contact_force" else [message.data]
 
     path = altered(healthy, tmp_path / "bag", lose)
-    layers = frame_of(path)["view"]["layers"]
+    layers = frame_of(path, view=WHOLE)["view"]["layers"]
     holes = layers["peak_force"]["holes"]
     assert holes[0][0] <= 2.1
     assert holes[-1][1] >= 3.9
     assert "holes" not in layers["reacting_force"]
-    lost = frame_of(path, 3.9)["numbers"]
+    lost = frame_of(path, playhead=3.9)["numbers"]
     assert (lost["peak_force"]["mean"], lost["peak_force"]["lost"]) == (None, True)
     assert lost["impact_rate"]["mean"] > 100.0
-    assert "lost" not in frame_of(path, 1.9)["numbers"]["peak_force"]
+    assert "lost" not in frame_of(path, playhead=1.9)["numbers"]["peak_force"]
 
 
 def test_one_wrong_stamp_sets_no_length_and_no_drill_is_drawn(tmp_path):

@@ -10,7 +10,7 @@ from altered_bags import altered
 from frame_reader import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded_bags import DURATION
+from recorded_bags import DURATION, frame_of
 from support import examples
 
 import rpud_sim.bag
@@ -234,9 +234,7 @@ def test_impacts_whose_type_has_no_peak_force_are_signals_as_others(tmp_path):
         bag.add_topic(Topic(name, kind), "float64 duration\n")
         for number in range(3):
             bag.write(name, codec.encode({"duration": 1e-4}), number * 10**7, number * 10**7)
-    with RecordedStore(tmp_path / "bag") as store:
-        store.read_all()
-        assert asked(store)["values"] == {"contact_force": {"duration": 1e-4}}
+    assert frame_of(tmp_path / "bag")["values"] == {"contact_force": {"duration": 1e-4}}
 
 
 def test_a_foreign_bag_shows_its_signals(tmp_path):
@@ -247,9 +245,7 @@ def test_a_foreign_bag_shows_its_signals(tmp_path):
         for number in range(300):
             data = codec.encode({"x": float(number), "y": 1.0, "z": 2.0})
             bag.write(name, data, number * 10**7, number * 10**7)
-    with RecordedStore(tmp_path / "bag") as store:
-        store.read_all()
-        frame = asked(store)
+    frame = frame_of(tmp_path / "bag")
     assert (frame["drills"], frame["drill"]) == (["/robot"], "/robot")
     assert len(frame["plots"]) == 3
     shown = frame["plots"][0]["choices"][0]["layers"][0]["quantity"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recorded_bags import SECOND, ForceRecorder, rows_of, write_forces
+from recorded_bags import SECOND, ForceRecorder, frame_of, rows_of, write_forces
 from sample_bags import write_bag
 
 from rpud_sim.messages.batch import Batch
@@ -14,7 +14,6 @@ from rpud_sim.recorded.runs import RecordedEntry, RecordedRun
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plan import Beginning, JournalEntry
 from rpud_sim.viewer import recording as recordings
-from rpud_sim.viewer.frames import ClientState, View
 from rpud_sim.viewer.recorded import RecordedStore
 from rpud_sim.viewer.recording import RecordedBag, TimeLine
 
@@ -31,14 +30,6 @@ def times_of(recording):
     return np.sort(np.concatenate(found))
 
 
-def first_frame(path):
-    with RecordedStore(path) as store:
-        store.read_all()
-        client = ClientState()
-        store.open(client)
-        return store.frame(client)
-
-
 def test_a_damaged_chunk_is_skipped_and_reported(tmp_path):
     path = write_forces(tmp_path / "bag", rows_of(200), chunk_size=2000)
     with closing(RecordedBag(path)) as recording:
@@ -50,14 +41,14 @@ def test_a_damaged_chunk_is_skipped_and_reported(tmp_path):
     with closing(RecordedBag(path)) as recording:
         assert whole // 2 < len(times_of(recording)) < whole
         assert 1 <= len(recording.damages) <= 2
-    frame = first_frame(path)
+    frame = frame_of(path)
     assert "damaged parts are skipped" in frame["notice"]
     assert frame["read"] == 1.0
 
 
 def test_an_empty_bag_and_one_without_numbers_are_shown_as_such(tmp_path):
     for path in (write_forces(tmp_path / "empty", []), write_bag(tmp_path / "text")):
-        frame = first_frame(path)
+        frame = frame_of(path)
         assert "no numbers" in frame["notice"]
         assert frame["read"] == 1.0
 
@@ -136,9 +127,7 @@ def test_a_run_after_a_reset_follows_the_one_before(tmp_path):
         shown = seen(store)
         valid = np.isfinite(shown["mean"])
         assert np.abs(shown["mean"][valid] - 100.0 * shown["t"][valid]).max() < 10.0
-        client = ClientState()
-        store.open(client)
-        log = store.frame(client)["log"]
+    log = frame_of(recorder.path)["log"]
     assert [(each["time"], each["text"]) for each in log] == [
         (0.0, "a run begins"), (12.0, "a run begins"), (20.0, "the drill stops"),
     ]  # fmt: skip
@@ -160,7 +149,7 @@ def test_a_journal_that_shows_no_runs_is_named(tmp_path, entries):
         recorder.tell(number, kind, 0, 0, **content)
     recorder.write([(number + 1, stamp, force) for number, stamp, force in rows_of(100, SECOND)])
     recorder.close()
-    frame = first_frame(recorder.path)
+    frame = frame_of(recorder.path)
     assert "Its runs are not known" in frame["notice"]
     assert frame["now"] == pytest.approx(0.99)
 
@@ -229,7 +218,7 @@ def test_recorded_commands_are_no_drill_beside_the_drill(tmp_path):
     recorder.write(rows_of(200))
     recorder.write(rows_of(200), "/rpud/command/force")
     recorder.close()
-    assert first_frame(recorder.path)["drills"] == ["/rpud"]
+    assert frame_of(recorder.path)["drills"] == ["/rpud"]
 
 
 @pytest.mark.parametrize("topic", ["/rpud/thermal", "/rpud/supervisor/state", "/arm/state"])
@@ -242,12 +231,10 @@ def test_a_stamp_of_another_program_moves_neither_the_clock_nor_the_end(tmp_path
     recorder.close()
     with RecordedStore(recorder.path) as store:
         store.read_all()
-        client = ClientState(view=View(None, 0.0, 1.0))
-        store.open(client)
-        frame = store.frame(client)
         shown = store.reading.bins.view(f"{topic} force", 0.0, 2.0, 100)
         drill = store.histories["/rpud"]
         near = drill.view(0.0, 1.0, 500, {f"{topic} force": "line"})["layers"]
+    frame = frame_of(recorder.path)
     assert (frame["drills"], frame["now"]) == (["/rpud"], pytest.approx(1.99))
     assert set(shown["mean"][np.isfinite(shown["mean"])]) == {9.0}
     assert np.abs(near[f"{topic} force"]["t"]).max() < 2.0
