@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -185,6 +185,7 @@ class FieldReader:
     def __init__(self, codec: Codec, columns: Sequence[Column]) -> None:
         self._codec = codec
         self._columns = tuple(columns)
+        self._wanted = {column.attribute for column in columns}
         self._fields = _flat_fields(codec.members)
 
     def read(self, batch: Batch) -> FieldValues:
@@ -196,13 +197,16 @@ class FieldReader:
         found: dict[str, np.ndarray | Sequences] = {}
         while len(together) >= _LEAST_TOGETHER:
             try:
-                fields = _Walk(self._codec, batch.part(together)).read(self._fields or ())
+                walk = _Walk(self._codec, batch.part(together))
+                fields = walk.read(self._fields or (), self._wanted)
                 found = {each.name: _column(each, fields) for each in self._columns}
                 break
             except _UndecodableMessages as odd:
                 together = together[~odd.messages]
         else:
             together = together[:0]
+        if found and len(together) == len(batch):
+            return FieldValues(together, found, ())
         single: list[int] = []
         errors: list[tuple[int, str]] = []
         values: dict[str, list[Any]] = {each.name: [] for each in self._columns}
@@ -281,16 +285,24 @@ class _Walk:
         self._memory: _Places = codec.shape.memory
         self._spare: _Places = PADDING
 
-    def read(self, fields: Sequence[tuple[str, Node]]) -> dict[str, np.ndarray | Sequences]:
-        """Return the values of each field by its path; a row of numbers for each message."""
+    def read(
+        self, fields: Sequence[tuple[str, Node]], texts: Collection[str]
+    ) -> dict[str, np.ndarray | Sequences]:
+        """Return the values of each field by its path; a row of numbers for each message.
+
+        Of single texts, those of some fields.
+        """
         self._check(self._sizes >= HEAD)
         self._check(items(self._data, "<u2")[self._starts] == 0x0100)  # little-endian
         found: dict[str, np.ndarray | Sequences] = {}
         for path, node in fields:
+            if node == TEXT:
+                places = self._text_places()
+                if path in texts:
+                    found[path] = objects(self._texts(*places))
+                continue
             if isinstance(node, str):
-                found[path] = (
-                    objects(self._texts()) if node == TEXT else self._numbers(number_dtype(node), 1)
-                )
+                found[path] = self._numbers(number_dtype(node), 1)
                 continue
             assert isinstance(node, Several)
             count: _Places | None = node.length
@@ -341,12 +353,16 @@ class _Walk:
             return Sequences.of_counts(values, count)
         return values.reshape(len(starts), count)
 
-    def _texts(self) -> list[str]:
+    def _text_places(self) -> tuple[np.ndarray, _Places]:
+        """Return where texts begin, and their lengths with the zero at the end."""
         counts = self._length(1, self._codec.shape_of(TEXT).growth)
         self._check(np.asarray(counts) >= 1)
         starts = self._starts + self._place
         self._place = self._place + counts
         self._check(self._data[self._starts + self._place - 1] == 0)
+        return starts, counts
+
+    def _texts(self, starts: np.ndarray, counts: _Places) -> list[str]:
         ends = starts + counts - 1
         if not isinstance(counts, np.ndarray):
             content = gathered(self._data, starts, np.full(len(starts), counts - 1)).tobytes()
@@ -375,7 +391,7 @@ class _Walk:
             self._check(count == count[0])
         if int(np.max(count)) > _MOST_TEXTS:
             self._check(np.zeros(len(self._starts), bool))
-        elements = [self._texts() for _ in range(int(np.max(count)))]
+        elements = [self._texts(*self._text_places()) for _ in range(int(np.max(count)))]
         rows = zip(*elements, strict=True) if elements else [()] * len(self._starts)
         return [list(row) for row in rows]
 

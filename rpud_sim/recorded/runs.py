@@ -181,7 +181,8 @@ class RecordedRun:
     def of(self, batches: Iterable[Batch]) -> Iterator[Batch]:
         """Yield the messages of the run among those of a bag; each batch has one origin."""
         for batch in batches:
-            own = batch.part(self.holds(batch.publish_times))
+            held = self.holds(batch.publish_times)
+            own = batch if held.all() else batch.part(held)
             if len(own):
                 for origin, part in _parts(own, self.origins(own.publish_times)):
                     yield replace(part, run=self.number, origin=origin)
@@ -210,7 +211,7 @@ def by_run(runs: Sequence[RecordedRun], batches: Iterable[Batch]) -> Iterator[Ba
 
 def _parts(batch: Batch, values: np.ndarray) -> Iterator[tuple[int, Batch]]:
     """Yield the parts of a batch whose messages have one value, and that."""
-    cuts = np.flatnonzero(np.diff(values)) + 1
+    cuts = np.flatnonzero(values[1:] != values[:-1]) + 1
     for first, last in pairwise([0, *cuts.tolist(), len(batch)]):
         yield int(values[first]), batch.part(slice(first, last))
 

@@ -58,14 +58,15 @@ class Bins:
             values, bins = values[bins >= 0], bins[bins >= 0]
         if not len(bins):
             return
-        if (np.diff(bins) < 0).any():
+        if (bins[1:] < bins[:-1]).any():
             order = np.argsort(bins, kind="stable")
             values, bins = values[order], bins[order]
-        firsts = np.flatnonzero(np.diff(bins, prepend=-1))
+        edges = np.concatenate([[0], np.flatnonzero(bins[1:] != bins[:-1]) + 1, [len(bins)]])
+        firsts = edges[:-1]
         self._used.add(signal)
         place, places = self._place[signal], bins[firsts]
         found = [merge.reduceat(values, firsts) for merge, _ in _MERGES[:3]]
-        found.append(np.diff(np.append(firsts, len(bins))))
+        found.append(edges[1:] - firsts)
         for kept, (merge, _), new in zip(self._bins, _MERGES, found, strict=True):
             kept[place, places] = merge(kept[place, places], new)
 

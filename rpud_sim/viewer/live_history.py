@@ -21,6 +21,7 @@ from rpud_sim.messages.definitions import find_definition
 from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.journal import RecordedEntry
 from rpud_sim.recorded.runs import RecordedRun
+from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.simulation.plan import JournalEntry
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
@@ -195,9 +196,10 @@ class LiveHistory(History):
 
     def _take(self, part: Batch, lost: int) -> None:
         """Take in messages of a fast topic of the run."""
-        found, topic = _READERS[part.topic].read(part), part.topic
-        times = found.times / SECOND
-        if not len(found) or times[-1] < 0.0:
+        topic, blocks = part.topic, part.topic == "waveform"
+        found = part if blocks else _READERS[topic].read(part)
+        times = (stamps_of(part) - part.origin if blocks else found.times) / SECOND
+        if not len(times) or times[-1] < 0.0:
             return
         if not self._until:
             self.since = max(0.0, float(times[0]))
@@ -207,7 +209,7 @@ class LiveHistory(History):
             place = int(np.argmax(np.diff(known)))
             self._holes.setdefault(topic, []).append((known[place], known[place + 1]))
         self._until[topic] = float(times[-1])
-        if topic == "waveform":
+        if blocks:
             self._wave(part)
             return
         self._latest[topic] = {name: float(each[-1]) for name, each in found.fields.items()}

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.tables import compiled
 from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.columns import Column, FieldReader, Kind
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.history import Signal
-
-GREATEST = 1e120  # size of a value: squares of greater ones overflow
 
 _NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
 
@@ -53,10 +49,7 @@ class TopicReader:
         self.unreadable += len(found.errors)
         logs = batch.log_times[found.rows]
         stamps = found.array("header.stamp") if self.stamped else logs
-        fields = {
-            each.column: np.clip(found.array(each.column).astype(float), -GREATEST, GREATEST)
-            for each in self.signals
-        }
+        fields = {each.column: found.array(each.column).astype(float) for each in self.signals}
         published, times = batch.publish_times[found.rows], stamps - batch.origin
         given = {"log_times": logs, "run": batch.run, "origin": batch.origin, "times": times}
         return Batch(self.topic, published, fields, **given)

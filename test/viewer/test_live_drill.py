@@ -183,7 +183,7 @@ def test_pages_share_one_drill_and_one_that_has_gone_leaves_its_place(drill, mon
             [shared] = store.heard.values()
             with pytest.raises(StoreError, match="there is no drill in /x"):
                 store.open(ClientState("/x"))
-            finder.drills = lambda: ["/x"]
+            monkeypatch.setattr(DrillFinder, "drills", lambda _: ["/x"])
             with pytest.raises(StoreError, match="1 drills are shown already"):
                 store.open(ClientState("/x"))
             shared.error = "it has ended"
