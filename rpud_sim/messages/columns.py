@@ -290,7 +290,7 @@ class _Walk:
     ) -> dict[str, np.ndarray | Sequences]:
         """Return the values of each field by its path; a row of numbers for each message.
 
-        Of single texts, those of some fields.
+        ``texts`` are the paths of the fields whose single texts are wanted.
         """
         self._check(self._sizes >= HEAD)
         self._check(items(self._data, "<u2")[self._starts] == 0x0100)  # little-endian

@@ -21,7 +21,7 @@ from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import cursor_at
+from rpud_sim.foundation.yaml_files import yaml_node
 from rpud_sim.messages.columns import RECEIVED
 from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.recorded.drill_tables import drill_table, rows_of
