@@ -179,6 +179,7 @@ help: ## Show this help
 .venv/.rest: $(REST) .venv/.installed
 	@echo "Installing packages of tests and sweeps into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
+	@$(if $(PYTHONDONTWRITEBYTECODE),.venv/bin/python -W ignore toolchain/keep_bytecode.py _pytest xdist hypothesis coverage)
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.rest
@@ -216,7 +217,7 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
 	@echo "Compiling the model ..."
-	@PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
+	@env -u PYTHONDONTWRITEBYTECODE PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
 	@touch $@
 
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
