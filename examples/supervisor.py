@@ -18,8 +18,9 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
 from rpud_msgs.msg import ContactForce, Drive, ReactingForce, Status, WeightOnBit
-from std_srvs.srv import SetBool
+from std_srvs.srv import Empty, SetBool
 
 PERIOD = 100_000_000  # of the control, whose multiples it keeps [ns]
 LATENCY = 20_000_000  # that a reading may need to arrive [ns]
@@ -76,7 +77,13 @@ class Supervisor(Node):
         self.create_subscription(ReactingForce, "reacting_force", self._on_reading, 1000)
         self.create_subscription(WrenchStamped, "wrench", self._on_clock, 1000)
         self._engage = self.create_client(SetBool, "engage")
+        self.over = Future()  # done when it shall leave: its tests keep the process
+        self.create_service(Empty, "supervisor/leave", self._on_leave)
         self._search = self.create_timer(0.01, self._on_search)
+
+    def _on_leave(self, request, response):
+        self.over.set_result(None)
+        return response
 
     def _on_search(self):
         """Begin when the drill is there; nothing else follows the clock on the wall."""
@@ -203,8 +210,12 @@ def main():
     """Supervise until SIGINT or SIGTERM."""
     try:
         rclpy.init()
-        rclpy.spin(Supervisor())
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while True:
+            supervisor = Supervisor()
+            rclpy.spin_until_future_complete(supervisor, supervisor.over)
+            supervisor.destroy_node()
+            input()  # a line begins the next run
+    except (EOFError, KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
         rclpy.try_shutdown()

@@ -34,7 +34,8 @@ def start(drill, supervisor):
     """Start the supervisor; each step is over when it has commanded."""
     drill.with_answers(*ANSWERS)
     command = ("python", str(supervisor), "--ros-args", "-r", f"__ns:={drill.namespace}")
-    return drill.start(*command, subscribes_to=("wrench",), ready="the drill is there")
+    known = {"subscribes_to": ("wrench",), "ready": "the drill is there"}
+    return drill.start(*command, **known, keep="supervisor/leave")
 
 
 def expect(drill, *identifiers):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import os
 import select
 import signal
 import subprocess
 import sys
+import termios
 import time
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,6 +22,7 @@ RPUD = (sys.executable, "-m", "rpud_sim.cli.main")
 
 _GRACE = 3.0  # time for a process to obey a signal [s]
 _POLL_PERIOD = 0.05  # time between looks at the output [s]
+_READ_PERIOD = 0.002  # time between looks at the unread input [s]
 _TAIL = 15  # lines of output in an error
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _LIBC = ctypes.CDLL(None)
@@ -28,7 +32,8 @@ class ChildProcess:
     """Process in a separate session: Ctrl-C does not reach it.
 
     Its output goes to a file, or stays in memory; with ``errors_apart`` its errors do not belong to
-    it. It reads from the descriptor ``source``. The kernel interrupts it when this process ends.
+    it. With ``talked_to`` its input is what ``write_line`` writes. The kernel interrupts it when
+    this process ends.
     """
 
     def __init__(
@@ -40,28 +45,32 @@ class ChildProcess:
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         errors_apart: bool = False,
-        source: int = subprocess.DEVNULL,
+        talked_to: bool = False,
     ) -> None:
         self.command = tuple(command)
         self.name = name
         self._said: tuple[str, str] | None = None  # output and errors, when it has been ended
+        self._begun = 0  # byte of its output from which on it counts
         self._output = _memory() if output is None else output.open("w+b")
         self._errors = _memory() if errors_apart else self._output
+        reading, self._input = os.pipe() if talked_to else (subprocess.DEVNULL, -1)
         try:
             self._process = subprocess.Popen(
                 self.command,
                 env=environment,
                 cwd=folder,
-                stdin=source,
+                stdin=reading,
                 stdout=self._output,
                 stderr=self._errors,
                 start_new_session=True,
                 preexec_fn=end_with_parent,
             )
         except OSError:
-            self._output.close()
-            self._errors.close()
+            self._close()
             raise
+        finally:
+            if talked_to:
+                os.close(reading)
 
     @property
     def pid(self) -> int:
@@ -78,11 +87,13 @@ class ChildProcess:
 
     @property
     def output(self) -> str:
-        return self._said[0] if self._said else _text(self._output)
+        return self._said[0] if self._said else _text(self._output, self._begun)
 
     @property
     def errors(self) -> str:
         """Its errors, if they are apart; otherwise its output."""
+        if self._errors is self._output:
+            return self.output
         return self._said[1] if self._said else _text(self._errors)
 
     @property
@@ -111,6 +122,23 @@ class ChildProcess:
                 return line + found if found else ""
             self.join(_POLL_PERIOD)
 
+    def write_line(self, text: str = "") -> None:
+        """Write a line to its input."""
+        with contextlib.suppress(BrokenPipeError):  # it has ended, which its owner will see
+            os.write(self._input, f"{text}\n".encode())
+
+    def has_read(self, seconds: float) -> bool:
+        """Wait until it has read its input, at most for some seconds; return whether it has."""
+        deadline, unread = time.monotonic() + seconds, array("i", [1])
+        while unread[0] and self.running and time.monotonic() < deadline:
+            self.join(_READ_PERIOD)
+            fcntl.ioctl(self._input, termios.FIONREAD, unread)
+        return not unread[0]
+
+    def forget_output(self) -> None:
+        """Leave out of its output what it has printed until now."""
+        self._begun = os.fstat(self._output.fileno()).st_size
+
     def send(self, number: int) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, number)
@@ -132,8 +160,13 @@ class ChildProcess:
         self._process.wait()
         if self._said is None:
             self._said = self.output, self.errors
-            self._output.close()
-            self._errors.close()
+            self._close()
+
+    def _close(self) -> None:
+        self._output.close()
+        self._errors.close()
+        if self._input >= 0:
+            os.close(self._input)
 
     def join(self, seconds: float) -> bool:
         """Wait until it has ended, at most for some seconds; return whether it has."""
@@ -182,6 +215,7 @@ def _memory() -> BinaryIO:
     return os.fdopen(os.memfd_create("output"), "w+b")
 
 
-def _text(file: Any) -> str:
+def _text(file: Any, begun: int = 0) -> str:
     # Without moving the offset, which the child has as well.
-    return os.pread(file.fileno(), os.fstat(file.fileno()).st_size, 0).decode(errors="replace")
+    size = os.fstat(file.fileno()).st_size - begun
+    return os.pread(file.fileno(), size, begun).decode(errors="replace")

@@ -305,6 +305,7 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
         subscribes_to: tuple[str, ...] = (),
         ready: str | Callable[[], object] | None = None,
         timeout: float = 30.0,
+        keep: str = "",
         hears: tuple[str, ...] = (),
     ) -> SystemUnderTest:
         """Start a process under test, and wait until it and the drill are connected.
@@ -316,6 +317,9 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
                 connected when the graph has not changed for a while.
             ready: further condition: a regular expression that its output has, or a callable.
             timeout: longest real time until then [s].
+            keep: service of the node, ``std_srvs/srv/Empty`` or ``Trigger``, that makes its process
+                rest after the test: it destroys its node and waits for a line of its input. The
+                next start with equal arguments writes that line, and starts no process.
             hears: name of ``subscribes_to`` in 0.3.
 
         Raises:
@@ -325,7 +329,9 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
         limit = _REAL_SECONDS.check("timeout", timeout)
         with self._errors_observed():
             topics = subscribed(subscribes_to, hears)
-            return self._systems.start(command, self.folder, name, topics, ready, limit, self._note)
+            return self._systems.start(
+                command, self.folder, name, topics, ready, limit, keep, self._note
+            )
 
     # For the owner of the drill.
 

@@ -253,7 +253,7 @@ class Lockstep:
     def close(self) -> None:
         """End everything."""
         with contextlib.suppress(Exception):
-            self._systems.stop()
+            self._systems.close()
         self._collector.close()
         self._client.close()
         self._process.stop()

@@ -131,6 +131,15 @@ class DiscoveryHandshake:
         found = {bytes(each.endpoint_gid) for each in self._published()}
         self._gone.update(gid[_PARTICIPANT] for gid in found if gid[_PROCESS_ID] in numbers)
 
+    def has_endpoints(self, processes: Collection[int]) -> bool:
+        """Return whether processes, by their numbers, publish or subscribe to a topic."""
+        numbers = {process.to_bytes(8, "little")[:2] for process in processes}
+        node = self._collector.node
+        topics = [topic for topic, _ in node.get_topic_names_and_types()]
+        found = [each for name in topics for each in node.get_subscriptions_info_by_topic(name)]
+        found += self._published()
+        return any(bytes(each.endpoint_gid)[_PROCESS_ID] in numbers for each in found)
+
     def part(self) -> None:
         """Forget all processes but those of the drill and the test: others take their places."""
         found = {bytes(each.endpoint_gid): node_name(each) for each in self._published()}

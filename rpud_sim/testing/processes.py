@@ -146,14 +146,12 @@ class DrillProcess:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        reading, self._input = os.pipe()
         self.process = ChildProcess(
             (sys.executable, "-c", _PROGRAM),
             environment=self.environment,
             folder=self.folder,
-            source=reading,
+            talked_to=True,
         )
-        os.close(reading)
 
     def start(self, parameters: Mapping[str, Any], namespace: str) -> None:
         """Start the node in lockstep, with these parameters."""
@@ -163,13 +161,11 @@ class DrillProcess:
         file = self.folder / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
         words = ("--ros-args", "-r", f"__ns:={namespace}", "--params-file", str(file))
-        with contextlib.suppress(BrokenPipeError):  # it has ended, which its owner will see
-            os.write(self._input, f"{shlex.join(words)}\n".encode())
+        self.process.write_line(shlex.join(words))
 
     def stop(self) -> None:
         """End it, and leave the domain to others."""
         self.process.end(signal.SIGINT)
-        os.close(self._input)
         self._claim.release()
         shutil.rmtree(self.folder, ignore_errors=True)
         self._guard.kill()

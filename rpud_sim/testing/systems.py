@@ -7,16 +7,19 @@ import shlex
 import signal
 import sys
 import time
+import warnings
 from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rpud_msgs.msg import Status
+from std_srvs.srv import Empty, Trigger
 
 from rpud_sim.foundation.child_process import ChildProcess, group_of, stop_all
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.graph import node_name
+from rpud_sim.ros.graph import RepeatedRequest, node_name, type_name
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError
@@ -27,8 +30,11 @@ _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
 _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
 _POLL_PERIOD = 0.01  # between looks at the graph, whose changes send no signal [s]
 _SILENT = 1.0  # for an answer of a process that has never answered, in a test before [s]
+_REST = 2.0  # that a kept process may take to leave the graph [s]
+_MOST_RESTING = 3  # processes that are kept for later tests
+_REPETITION = 0.2  # of a request to rest [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
-
+_EMPTY, _TRIGGER = map(type_name, (Empty, Trigger))
 
 class SystemUnderTest(ChildProcess):
     """Process that a test has started."""
@@ -38,6 +44,13 @@ class SystemUnderTest(ChildProcess):
     forgotten = False  # whether it has ended, and nothing awaits its nodes any more
     note: Callable[[str], None]  # writes down what the test does with it
     members: Sequence[int] = ()  # numbers of all its processes when it was killed
+    key: tuple[object, ...] = ()  # processes with equal keys replace each other
+    rests_by: str = ""  # service of its node that makes it rest between tests, if it is kept
+
+    @property
+    def may_rest(self) -> bool:
+        """Whether it is kept after its test, which has left it running."""
+        return bool(self.rests_by) and self.running and not (self.expected or self.paused)
 
     def stop(self) -> None:
         """End it; that it is gone is not a failure."""
@@ -91,6 +104,7 @@ class Systems:
         self._environment = environment
         self._folder = Path(environment["ROS_LOG_DIR"]).parent
         self.processes: list[SystemUnderTest] = []  # in the order of their starts
+        self._resting: list[SystemUnderTest] = []  # of tests before, which are in no graph
         # longest wait, topics and commands of tests in which these have never published or answered
         self._silent: set[tuple[object, ...]] = set()
         self._count = 0
@@ -104,6 +118,7 @@ class Systems:
         subscribes_to: Sequence[str],
         ready: str | Callable[[], object] | None,
         timeout: float,
+        keep: str,
         note: Callable[[str], None],
     ) -> SystemUnderTest:
         """Start a process, and wait until it is connected; see ``LockstepDrill.start``."""
@@ -113,8 +128,9 @@ class Systems:
         self._forget_ended()
         before = {topic: self._subscribers(topic) for topic in subscribes_to}
         calm = self._calm()
-        system = self._started(words, folder, name)
-        system.note = note
+        key = (*words, folder, name, keep)
+        system = self._woken(key) or self._started(words, folder, name, bool(keep))
+        system.key, system.rests_by, system.note = key, keep and self._collector.resolve(keep), note
         self.processes.append(system)
 
         def lack() -> str:
@@ -130,6 +146,8 @@ class Systems:
                 return f"does not subscribe to {', '.join(names)}"
             if unknown or self._unconnected() or not (subscribes_to or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
+            if keep and not self._rest_type(system):
+                return f"has no service {system.rests_by} of {_EMPTY} or {_TRIGGER}"
             if isinstance(ready, str) and not re.search(ready, system.output, re.MULTILINE):
                 return f"has not printed {ready!r}"
             return "is not ready" if callable(ready) and not ready() else ""
@@ -139,7 +157,24 @@ class Systems:
             raise self._failure_of(system, "silent", lacking)
         return system
 
-    def _started(self, words: list[str], folder: Path | None, name: str) -> SystemUnderTest:
+    def _woken(self, key: tuple[object, ...]) -> SystemUnderTest | None:
+        """Let a process that rests continue, if it was started with the same arguments.
+
+        One that has ended, or does not read the line, is none.
+        """
+        for system in [each for each in self._resting if each.key == key]:
+            self._resting.remove(system)
+            if system.running:
+                system.forget_output()
+                system.write_line()
+                if system.has_read(_REST):
+                    return system
+            system.stop()
+        return None
+
+    def _started(
+        self, words: list[str], folder: Path | None, name: str, kept: bool
+    ) -> SystemUnderTest:
         self._count += 1
         name = name or _name_of(words)
         if name in [each.name for each in self.processes]:
@@ -147,7 +182,12 @@ class Systems:
         log = self._folder / f"system_{self._count}.log"
         try:
             return SystemUnderTest(
-                words, log, name=name, environment=self._environment, folder=folder
+                words,
+                log,
+                name=name,
+                environment=self._environment,
+                folder=folder,
+                talked_to=kept,
             )
         except OSError as error:
             what = f"{error.filename or name} cannot be started: {error.strerror}"
@@ -224,12 +264,54 @@ class Systems:
                 raise self._failure_of(system, "died", system.ending)
 
     def stop(self) -> None:
-        self._part()
-        for system in self.processes:
-            system.resume()
-        stop_all(self.processes)
+        """End the processes, except those that are kept: they rest."""
+        resting = [each for each in self.processes if each.may_rest and self._rests(each)]
+        self._part()  # what has left the graph before is not forgotten for good
+        self._end([each for each in self.processes if each not in resting])
         self.processes.clear()
+        self._resting += resting
+        self._end(self._resting[:-_MOST_RESTING])
+        del self._resting[:-_MOST_RESTING]
         self._patience = _START
+
+    def close(self) -> None:
+        """End all processes."""
+        self._end([*self.processes, *self._resting])
+
+    def _end(self, systems: Sequence[SystemUnderTest]) -> None:
+        for system in systems:
+            system.resume()
+        stop_all(systems)
+
+    def _rest_type(self, system: SystemUnderTest) -> Any:
+        """Return the type of the service that makes a process rest; None without one."""
+        types = dict(self._collector.node.get_service_names_and_types()).get(system.rests_by, [])
+        return next((kind for kind in (Empty, Trigger) if type_name(kind) in types), None)
+
+    def _rests(self, system: SystemUnderTest) -> bool:
+        """Have the node of a process leave the graph; return whether it has.
+
+        This proves more than an answer: none of its messages is on its way, and none waits in it.
+        """
+        if (kind := self._rest_type(system)) is None:
+            return False
+        node = self._collector.node
+        client = node.create_client(kind, system.rests_by)
+        request = RepeatedRequest(client, kind.Request(), _REPETITION)
+        processes = group_of(system.pid)
+
+        def lack() -> str:
+            if not (system.running and self._handshake.has_endpoints(processes)):
+                return ""
+            request.answered()  # sends it again
+            return f"is still in the graph {_REST:g} s after a call of {system.rests_by}"
+
+        lacking = self._collector.until_complete(lack, _REST, lambda: None, _POLL_PERIOD)
+        request.close()
+        node.destroy_client(client)
+        if lacking:
+            warnings.warn(f"{system.name} {lacking}: it is started again", stacklevel=2)
+        return system.running and not lacking
 
     def _await(
         self, lack: Callable[[], str], longest: float, vain: Callable[[], bool], *period: float
