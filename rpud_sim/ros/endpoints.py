@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
-_SHORT_WAIT = 0.2  # for acknowledgements, between looks at who lacks them [s]
+_SHORT_WAIT = 0.05  # for acknowledgements, between looks at who lacks them [s]
 _SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 
@@ -89,13 +89,22 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
                 publisher.left = publisher.depth
 
     def _make_room(self) -> None:
-        deadline = time.monotonic() + self._longest
-        while lacking := self.wait(_SHORT_WAIT):
-            awaited = (name for name in lacking if not self[name].late)
-            if time.monotonic() >= deadline or all(map(self.lost, awaited)):
-                break
+        late = {name for name, publisher in self.items() if publisher.late}
+        lacking = self.deliver(self._longest, late)
         for name, publisher in self.items():
             publisher.late = name in lacking
+
+    def deliver(self, longest: float, late: Collection[str] = ()) -> list[str]:
+        """Wait until reliable subscribers that run have all messages, at most ``longest`` [s].
+
+        Topics of ``late`` are not awaited. Return those where a subscriber lacks some.
+        """
+        deadline = time.monotonic() + longest
+        while lacking := self.wait(min(_SHORT_WAIT, longest)):
+            awaited = (name for name in lacking if name not in late)
+            if time.monotonic() >= deadline or all(map(self.lost, awaited)):
+                break
+        return lacking
 
     def wait(self, seconds: float) -> list[str]:
         """Wait until reliable subscribers have all messages; return topics where some lack."""

@@ -68,6 +68,23 @@ def test_what_its_time_paces_leaves_half_of_the_depth_for_a_hurry(made):
     assert publishers["few"].asked == [52]
 
 
+@pytest.mark.parametrize(("has_ended", "asked"), [(True, [1]), (False, [1, 1])])
+def test_a_delivery_awaits_subscribers_that_run(has_ended, asked):
+    publisher, looked = Publisher(answers=False), []
+
+    def lost(name):
+        looked.append(name)
+        publisher.answers = True
+        return has_ended
+
+    sent = AcknowledgedPublishers(0.0, lost)
+    sent.add("lost", publisher, 4)
+    send(sent, "lost", 1)
+    assert sent.deliver(60.0) == (["lost"] if has_ended else [])
+    assert publisher.asked == asked
+    assert looked == ["lost"]
+
+
 def test_what_is_overwritten_before_subscribers_have_it_is_counted_by_topic(made):
     sent, publishers = made
     publishers["few"].answers = False

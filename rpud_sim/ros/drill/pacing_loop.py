@@ -100,12 +100,12 @@ class PacingLoop:
         self._quit_at = time.monotonic() + LAST_RESPONSE
 
     def stop(self) -> None:
-        """End the drilling, publish the last status, and wait until subscribers have it."""
+        """End the drilling, publish the last status, and wait until running subscribers have it."""
         self._end()
         if self._thread is not None:
             self._thread.join()
         if self.session is not None:
-            self.session.publishers.own.wait(_ACKNOWLEDGEMENT)
+            self.session.publishers.own.deliver(_ACKNOWLEDGEMENT)
 
     def clean_up(self) -> None:
         """Stop, and give up the session."""
