@@ -148,7 +148,7 @@ class DrillProcess:
         )
         self.process = ChildProcess(
             (sys.executable, "-c", _PROGRAM),
-            environment=self.environment,
+            environment={**self.environment, "OPENBLAS_NUM_THREADS": "1"},
             folder=self.folder,
             talked_to=True,
         )
