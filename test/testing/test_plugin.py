@@ -11,6 +11,8 @@ from xml.etree import ElementTree
 import pytest
 from frame_reader import decode
 
+import rpud_sim.testing.setup  # noqa: F401  # a run in this process forgets what it imports
+
 pytest_plugins = ["pytester"]
 
 SUPERVISOR = Path(__file__).parents[1].joinpath("helpers", "supervisor.py").read_text()
@@ -24,18 +26,6 @@ def test_a_run_without_a_drill_imports_nothing_heavy():
         f"print([name for name in {HEAVY} if name in sys.modules])"
     )
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[]\n"
-
-
-def test_pytest_rewrites_none_of_what_a_drill_needs(pytester):
-    """That would take a second of each start where Python keeps no bytecode."""
-    pytester.makepyfile("""
-        def test_a():
-            import rpud_sim.testing.drill, sys
-            own = [sys.modules[each] for each in sys.modules if each.startswith("rpud_sim.ros")]
-            assert own
-            assert not [each for each in own if "Rewrit" in type(each.__loader__).__name__]
-    """)
-    assert pytester.runpytest_subprocess("-p", "no:cacheprovider").ret == pytest.ExitCode.OK
 
 
 @pytest.mark.parametrize(
@@ -55,7 +45,7 @@ def test_the_process_of_a_drill_starts_with_the_tests_if_the_first_has_one(
             session.items.clear()
     """)
     pytester.makepyfile(f"def test_a({first}): pass\ndef test_b(drill): pass")
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-s", *options)
+    result = pytester.runpytest_inprocess("-s", *options)
     result.stdout.fnmatch_lines([f"*starts {starts}"])
 
 
@@ -71,7 +61,7 @@ def test_wrong_marks_are_refused_before_anything_starts(pytester):
 
         def test_c(): pass
     """)
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    result = pytester.runpytest_inprocess()
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(
         [
@@ -170,74 +160,104 @@ def test_undecided_is_an_error_of_every_reporter(pytester):
         @pytest.mark.xfail
         def test_b():
             raise ExpectationUndecidedError("nobody knows", ())
-
-        def test_c():
-            import rpud_sim
-            rpud_sim.simulate(-1)
     """)
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-s", "-rA", "--tb=short")
-    result.assert_outcomes(errors=1, xfailed=1, failed=1)
-    # An expected error is shown where the test caused it, without frames of this package.
-    result.stdout.fnmatch_lines(
-        ["*:13: in test_c", "    rpud_sim.simulate(-1)", "E *duration = -1*"]
-    )
-    result.stdout.no_fnmatch_line("*/rpud_sim/*: in *")
+    result = pytester.runpytest_inprocess("-s", "-rA")
+    result.assert_outcomes(errors=1, xfailed=1)
     reports = [line.split()[-2:] for line in result.outlines if "REPORT" in line]
     assert reports[:3] == [["setup", "passed"], ["setup", "failed"], ["teardown", "passed"]]
     assert reports[4] == ["setup", "skipped"]
     result.stdout.fnmatch_lines(["ERROR *::test_a - *"])
 
 
-def test_each_run_of_a_test_that_is_run_again_has_its_own_verdicts(pytester):
-    pytester.makepyfile("""
-        from rpud_sim.verdicts import always, signal
-        runs = []
-
-        def test_a(drill):
-            runs.append(1)
-            drill.step(0.1)
-            force = signal("reacting_force.force")
-            drill.expect(always(force < f"{len(runs) - 1} MN"), name=f"run {len(runs)}")
-    """)
-    options = ("-p", "no:cacheprovider", "--rpud-artefacts=", "--junitxml=found.xml", "--reruns=1")
-    pytester.runpytest_subprocess(*options).assert_outcomes(passed=1)
-    found = ElementTree.parse(pytester.path / "found.xml").iter("property")
-    verdicts = [" ".join(each.get("value").split()[:3]) for each in found]
-    assert verdicts == ["run 1: failed:", "run 2: passed,"]
-    shaken = pytester.runpytest_subprocess(*options, "--rpud-shake=1")
+def test_reruns_and_shaken_runs_exclude_each_other(pytester):
+    shaken = pytester.runpytest_inprocess("--reruns=1", "--rpud-shake=1")
     assert shaken.ret == pytest.ExitCode.USAGE_ERROR
     shaken.stderr.fnmatch_lines(["*--reruns has no effect with --rpud-shake*"])
 
 
-def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(pytester):
-    pytester.makepyfile("""
-        import pytest
-        from rpud_sim.ros.client import RefusedError
-        from rpud_sim.verdicts import always, signal
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """Result of a run of pytest with several tests of a drill: its lines, and its junit.xml."""
+    folder = tmp_path_factory.mktemp("session")
+    (folder / "test_drills.py").write_text("""
+import sys
+import pytest
+from rpud_sim.ros.client import RefusedError
+from rpud_sim.verdicts import always, signal
 
-        def test_nothing(drill, drill_factory):
-            drill.step(0.1)
-            drill.press(20.0)
+runs = []
 
-        def test_a_status(drill):
-            drill.step(0.1)
-            assert drill.status.impacts
+@pytest.mark.flaky(reruns=1)
+def test_again(drill):
+    runs.append(1)
+    drill.step(0.1)
+    force = signal("reacting_force.force")
+    drill.expect(always(force < f"{len(runs) - 1} MN"), name=f"run {len(runs)}")
 
-        def test_an_error(drill):
-            with pytest.raises(RefusedError):
-                drill.press(-1.0)
+def test_rewritten(drill):
+    own = [sys.modules[each] for each in sys.modules if each.startswith("rpud_sim.ros")]
+    assert own
+    assert not [each for each in own if "Rewrit" in type(each.__loader__).__name__]
+    assert drill.status
 
-        def test_an_expectation(drill):
-            drill.step(0.1)
-            drill.expect(always(signal("reacting_force.force") < "1 kN"))
+def test_nothing(drill, drill_factory):
+    drill.step(0.1)
+    drill.press(20.0)
 
-        def test_a_failure(drill):
-            drill.step(0.1)
-            assert False
-    """)
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--rpud-artefacts=")
-    result.assert_outcomes(passed=4, failed=1, warnings=1)
-    result.stdout.fnmatch_lines(["*test_nothing", "*Warning: this test has a drill and no expect*"])
-    strict = ("-Werror::pytest.PytestWarning", "-k", "test_nothing")
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--rpud-artefacts=", *strict)
-    result.assert_outcomes(failed=1)
+@pytest.mark.filterwarnings("error::pytest.PytestWarning")
+def test_nothing_where_a_warning_is_an_error(drill):
+    drill.step(0.1)
+
+def test_a_status(drill):
+    drill.step(0.1)
+    assert drill.status.impacts
+
+def test_an_error(drill):
+    with pytest.raises(RefusedError):
+        drill.press(-1.0)
+
+def test_an_expectation(drill):
+    drill.step(0.1)
+    drill.expect(always(signal("reacting_force.force") < "1 kN"))
+
+def test_a_failure(drill):
+    drill.step(0.1)
+    assert False
+
+def test_a_wrong_call():
+    import rpud_sim
+    rpud_sim.simulate(-1)
+""")
+    words = (sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-c", "/dev/null")
+    options = ("--rpud-artefacts=", "--junitxml=found.xml", "-rA", "--tb=short")
+    done = subprocess.run((*words, *options), cwd=folder, capture_output=True, text=True)
+    return done.stdout, ElementTree.parse(folder / "found.xml")
+
+
+def test_each_run_of_a_test_that_is_run_again_has_its_own_verdicts(session):
+    cases = [each for each in session[1].iter("testcase") if each.get("name") == "test_again"]
+    found = [each.get("value") for case in cases for each in case.iter("property")]
+    verdicts = [" ".join(each.split()[:3]) for each in found]
+    assert verdicts == ["run 1: failed:", "run 2: passed,"]
+
+
+def test_pytest_rewrites_none_of_what_a_drill_needs(session):
+    """That would take a second of each start where Python keeps no bytecode."""
+    assert re.search(r"^PASSED \S*::test_rewritten$", session[0], re.MULTILINE)
+
+
+def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(session):
+    text = session[0]
+    assert "3 failed, 6 passed, 1 warning, 1 rerun" in text
+    warning = r"::(\w+)\n.*Warning: this test has a drill and no expect"
+    assert re.findall(warning, text) == ["test_nothing"]
+    failed = set(re.findall(r"^FAILED \S*::(\w+)", text, re.MULTILINE))
+    strict = "test_nothing_where_a_warning_is_an_error"
+    assert failed == {"test_a_failure", "test_a_wrong_call", strict}
+
+
+def test_an_expected_error_is_shown_where_the_test_caused_it(session):
+    """Frames of this package are left out."""
+    place = r"\d+: in test_a_wrong_call\n    rpud_sim.simulate\(-1\)\nE .*duration = -1"
+    assert re.search(place, session[0])
+    assert not re.search(r"/rpud_sim/.*: in ", session[0])
