@@ -22,14 +22,19 @@ from rclpy.subscription import Subscription
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.threads import raised
 
-_LONGEST_WAIT = 0.1  # of a thread, between looks at whether it is closed [s]
+_LONGEST_WAIT = 1.0  # of a thread, between looks at whether its node is there [s]
 
 
 class WaitSet:
-    """Subscriptions, clients and services that are awaited together; from one thread."""
+    """Subscriptions, clients and services that are awaited together; from one thread.
+
+    ``wake`` ends a wait, from any thread.
+    """
 
     def __init__(self, context: Context) -> None:
         self._context = context
+        self._guard = rclpy_implementation.GuardCondition(context.handle)
+        self.wake = self._guard.trigger_guard_condition
         self._sizes = (-1, -1, -1)
         self._wait_set: Any = None
 
@@ -49,10 +54,11 @@ class WaitSet:
         if self._sizes != (sizes := (len(readers), len(callers), len(servers))):
             self._sizes = sizes
             self._wait_set = rclpy_implementation.WaitSet(
-                sizes[0], 0, 0, sizes[1], sizes[2], 0, self._context.handle
+                sizes[0], 1, 0, sizes[1], sizes[2], 0, self._context.handle
             )
         found = self._wait_set
         found.clear_entities()
+        found.add_guard_condition(self._guard)
         for handle in readers:
             found.add_subscription(handle)
         for handle in callers:
@@ -98,23 +104,23 @@ class ServiceThread:
     def __init__(
         self, context: Context, services: Iterable[Service], failed: Callable[[str], None]
     ) -> None:
-        self._context = context
         self._services = list(services)
         self._failed = failed
         self._closed = threading.Event()
+        self._waiting = WaitSet(context)
         self._thread = threading.Thread(target=self._run, name="services", daemon=True)
         self._thread.start()
 
     def close(self, seconds: float) -> None:
         """Answer no more; wait for the answer that is under way [s]."""
         self._closed.set()
+        self._waiting.wake()
         self._thread.join(seconds)
 
     def _run(self) -> None:
-        waiting = WaitSet(self._context)
         while not self._closed.is_set():
             try:
-                if waiting.wait(_LONGEST_WAIT, services=self._services):
+                if self._waiting.wait(_LONGEST_WAIT, services=self._services):
                     for service in self._services:
                         _answer(service)
             except InvalidHandle:  # the node has been destroyed

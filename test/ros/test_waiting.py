@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
 import rclpy
@@ -88,3 +89,13 @@ def test_an_executor_leaves_an_own_group_to_its_thread(pair, nodes):
 def test_a_wait_for_nothing_ends(pair):
     client, *_ = pair
     assert not WaitSet(client.context).wait(0.01)
+
+
+def test_a_thread_ends_without_waiting_for_a_request(pair):
+    _, _, _, thread = pair
+    begun = time.monotonic()
+    for _ in range(20):  # each would take half a second
+        other = ServiceThread(pair[0].context, thread._services, pytest.fail)
+        other.close(10.0)
+        assert not other._thread.is_alive()
+    assert time.monotonic() - begun < 5.0
