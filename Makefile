@@ -29,6 +29,9 @@ COLCON_BUILD := unset MAKEFLAGS MFLAGS && source toolchain/ros_env.bash && colco
 # Kernels compile while messages build.
 MAKEFLAGS += --jobs=2
 
+# It is set in many containers, and pytest then compiles all tests again in each of its processes.
+unexport PYTHONDONTWRITEBYTECODE
+
 ##@ Use
 .PHONY: setup
 setup: install/.package .venv/.rest install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
@@ -217,7 +220,7 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
 	@echo "Compiling the model ..."
-	@env -u PYTHONDONTWRITEBYTECODE PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
+	@PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
 	@touch $@
 
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
