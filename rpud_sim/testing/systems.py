@@ -36,6 +36,7 @@ _REPETITION = 0.2  # of a request to rest [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
 _EMPTY, _TRIGGER = map(type_name, (Empty, Trigger))
 
+
 class SystemUnderTest(ChildProcess):
     """Process that a test has started."""
 
