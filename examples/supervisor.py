@@ -77,7 +77,7 @@ class Supervisor(Node):
         self.create_subscription(ReactingForce, "reacting_force", self._on_reading, 1000)
         self.create_subscription(WrenchStamped, "wrench", self._on_clock, 1000)
         self._engage = self.create_client(SetBool, "engage")
-        self.over = Future()  # done when it shall leave: its tests keep the process
+        self.over = Future()  # done at a call of supervisor/leave: its tests keep the process
         self.create_service(Empty, "supervisor/leave", self._on_leave)
         self._search = self.create_timer(0.01, self._on_search)
 
