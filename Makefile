@@ -119,7 +119,7 @@ campaign: install/.package .venv/.rest ## Fly one run of config/campaign.yaml RU
 	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python tools/busy.py -- python -m pytest -m "" test/testing/campaign/test_repeat.py
 
 .PHONY: starts
-starts: install/.package .venv/.rest install/.kernels ## Start a node under test STARTS times (500), in two ways, beside four busy loops: no first command is lost
+starts: install/.package .venv/.rest install/.kernels ## Start a node under test STARTS times (500), in three ways, beside four busy loops: no first command is lost
 	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" test/testing/test_starts.py
 
 .PHONY: kills

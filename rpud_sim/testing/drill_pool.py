@@ -85,6 +85,8 @@ class DrillPool:
             self._idle.pop(0).close()
 
     def close(self) -> None:
+        for drill in self._idle:
+            drill.interrupt()
         while self._idle:
             self._idle.pop().close()
         if self._waiting is not None:

@@ -250,8 +250,13 @@ class Lockstep:
         """End the processes under test."""
         self._systems.stop()
 
+    def interrupt(self) -> None:
+        """Have the drill end beside others, before ``close``."""
+        self._process.interrupt()
+
     def close(self) -> None:
         """End everything."""
+        self.interrupt()
         with contextlib.suppress(Exception):
             self._systems.close()
         self._collector.close()

@@ -44,7 +44,6 @@ _UNOBSERVED = (
     "drill.expect or drill.step_until, or look at drill.status or drill.messages"
 )
 
-_PACKAGE = str(Path(__file__).parents[1])
 _SEED = "rpud_shake_seed"
 _ERROR = pytest.StashKey[str]()  # in the mark of an item
 _PROPERTIES = pytest.StashKey[list[tuple[str, object]]]()  # those of this plugin, of an item
@@ -226,14 +225,15 @@ def pytest_report_of_an_expected_error(
 
 def _end_at_caller(trace: TracebackType | None) -> None:
     """Cut the frames of this package off the end of a traceback, also those of dataclasses."""
-    caller, place = None, ""
+    caller, package = None, ""
     while trace:
-        file = trace.tb_frame.f_code.co_filename
-        if file != "<string>" and not file.startswith(_PACKAGE):
-            caller, place = trace, file
+        # Not the file: bytecode that pytest keeps has the path of its first import.
+        name = trace.tb_frame.f_globals.get("__name__", "").partition(".")[0]
+        if name != "rpud_sim":
+            caller, package = trace, name
         trace = trace.tb_next
     # pytest calls a fixture: its frames do not help.
-    if caller and not {"_pytest", "pluggy"}.intersection(Path(place).parts):
+    if caller and package not in ("_pytest", "pluggy"):
         caller.tb_next = None
 
 

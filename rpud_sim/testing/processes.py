@@ -25,6 +25,7 @@ from rpud_sim.testing.guard import VARIABLE
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
 _LAST_DOMAIN = 101
 _DEFAULT_DOMAINS = (0, 42)  # of ROS, and of env.bash: people use them without a lock
+_END = 3.0  # time for it to end [s]
 _PARTICIPANTS = 8  # of another program that are looked for in a domain
 _ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 # Parameters of every drill of a test: time is paused between steps, and begins at zero.
@@ -129,6 +130,7 @@ class DrillProcess:
 
     def __init__(self) -> None:
         self.namespace = ""  # of the node, from its start on
+        self._ending = False
         self.folder = Path(tempfile.mkdtemp(prefix="rpud_drill_"))
         self._claim = DomainClaim()
         self.domain = self._claim.domain
@@ -163,9 +165,17 @@ class DrillProcess:
         words = ("--ros-args", "-r", f"__ns:={namespace}", "--params-file", str(file))
         self.process.write_line(shlex.join(words))
 
+    def interrupt(self) -> None:
+        """Have it end, without a wait for that."""
+        if not self._ending:  # a second signal would keep it from leaving the graph
+            self._ending = True
+            self.process.send(signal.SIGINT)
+
     def stop(self) -> None:
         """End it, and leave the domain to others."""
-        self.process.end(signal.SIGINT)
+        self.interrupt()
+        self.process.join(_END)
+        self.process.kill()
         self._claim.release()
         shutil.rmtree(self.folder, ignore_errors=True)
         self._guard.kill()
