@@ -261,11 +261,12 @@ def _kind(change: Change) -> str:
 
 
 def _without(change: Change, names: Collection[str]) -> Change | None:
-    """Return a change without some parameters; None if nothing is left of it."""
+    """Return a change without some parameters; None if it has no other."""
     if not isinstance(change.action, Configure):
         return change
-    kept = {n: v for n, v in change.action.parameters.items() if n not in names}
-    return replace(change, action=Configure(kept)) if kept else None
+    given = change.action.parameters
+    kept = {n: v for n, v in given.items() if n not in names}
+    return replace(change, action=Configure(kept)) if kept or not given else None
 
 
 def _to_json(change: Change) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
@@ -22,7 +23,8 @@ from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.columns import FieldReader, Kind, columns_of
 from rpud_sim.messages.definitions import find_type_hash, installed_codec
 from rpud_sim.recorded import RecordingError
-from rpud_sim.simulation.plan import JournalEntry
+from rpud_sim.simulation.changes import ChangeError
+from rpud_sim.simulation.plan import JournalEntry, StrataTexts
 from rpud_sim.simulation.topics import PROVED, TOPICS
 
 JOURNAL = TOPICS["journal"].type
@@ -82,7 +84,7 @@ class RecordedJournal:
                 raise UnverifiableError(f"{self.name}: {error}") from None
 
     def entries(self) -> Iterator[RecordedEntry]:
-        """Yield the entries in the order of publishing, each once."""
+        """Yield the entries in the order of publishing, each once, with the strata of their run."""
         found: list[RecordedEntry] = []
         for message in self._bag.messages({self.name}):
             found.append(self._decode(message))
@@ -106,9 +108,16 @@ class RecordedJournal:
                 starts.append({number: each})
         latest = 0  # publishing time: a clock may have been set back, and numbers are right
         for held in starts:
+            strata = StrataTexts()
             for number in sorted(held):
                 latest = max(latest, held[number].publish_time)
-                yield held[number]._replace(publish_time=latest)
+                entry = held[number].entry
+                if entry.kind == "begin":
+                    try:
+                        entry = replace(entry, content=strata.complete(number, entry.content))
+                    except ChangeError as error:
+                        raise UnverifiableError(f"{self.name}: {error}") from None
+                yield held[number]._replace(entry=entry, publish_time=latest)
 
     def _decode(self, message: Message) -> RecordedEntry:
         try:

@@ -36,6 +36,59 @@ class JournalEntry:
         return json_text({"time": self.time, **self.content})
 
 
+# Entries after which an entry ``begin`` contains its strata again: a drill keeps so many entries
+# more than it promises, so that it always has the strata of those.
+STRATA_REACH = 100_000
+_SHORT_STRATA = 1000  # characters that each ``begin`` contains, a third of its other parameters
+
+
+def strata_entry(content: Any) -> int | None:
+    """Return the number of the entry with the strata of a ``begin``; None if it contains them."""
+    match content:
+        case {"parameters": {"strata": {"same_as_entry": int(number)}}}:
+            return number
+    return None
+
+
+class StrataTexts:
+    """Strata of the runs of a journal: a long text is in one entry, to which later ones refer.
+
+    It gets the content of each entry ``begin``, in order.
+    """
+
+    def __init__(self) -> None:
+        self._number = -1  # of the entry that contains the strata of the latest run
+        self._text = ""
+
+    def shorten(self, number: int, content: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the content of an entry, without strata that the run before had, too."""
+        text = content["parameters"]["strata"]
+        near = number - self._number < STRATA_REACH
+        if text == self._text and len(text) > _SHORT_STRATA and near:
+            return _with_strata(content, {"same_as_entry": self._number})
+        self._number, self._text = number, text
+        return content
+
+    def complete(self, number: int, content: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the content of an entry with its strata, the inverse of ``shorten``.
+
+        If the entry that contains them did not come, raise a ChangeError.
+        """
+        other = strata_entry(content)
+        if other is None:
+            match content:
+                case {"parameters": {"strata": str(text)}}:
+                    self._number, self._text = number, text
+            return content
+        if other != self._number:
+            raise ChangeError(f"journal entry {number} has the strata of entry {other}: missing")
+        return _with_strata(content, self._text)
+
+
+def _with_strata(content: Mapping[str, Any], strata: Any) -> Mapping[str, Any]:
+    return {**content, "parameters": {**content["parameters"], "strata": strata}}
+
+
 class Journal:
     """Queue of the entries of runs, in order.
 
@@ -46,6 +99,7 @@ class Journal:
     def __init__(self, first: int = 0) -> None:
         self.count = first  # number of the next entry that ``drain`` returns; read-only
         self._waiting: list[tuple[int, str, Mapping[str, Any]]] = []  # time, kind and content
+        self._strata = StrataTexts()
 
     def record(self, time: int, kind: str, content: Mapping[str, Any]) -> None:
         """Append an entry for a change at a simulation time [ns]."""
@@ -58,6 +112,8 @@ class Journal:
         entries = []
         for (_, commanded), group in groupby(self._waiting, _time_and_whether_commanded):
             for time, kind, content in sorted(group, key=_place) if commanded else group:
+                if kind == "begin":
+                    content = self._strata.shorten(self.count, content)
                 entries.append(JournalEntry(self.count, time, kind, content))
                 self.count += 1
         self._waiting.clear()

@@ -370,10 +370,12 @@ class Run:
 
     def _configure(self, settings: Settings) -> None:
         """Apply settings that differ only in changeable parameters."""
+        before, values = (to_values(each.configuration) for each in (self.settings, settings))
+        changed = {name: value for name, value in values.items() if value != before[name]}
         self.settings = settings
         self._control.configure(settings)
         self._simulation.configure(settings.configuration)
-        self._record("configure", {"parameters": to_values(settings.configuration)})
+        self._record("configure", {"parameters": changed})
 
     def _command(self, command: Command | DriveChange) -> None:
         applied = self._control.given if self._watches else self._simulation.applied

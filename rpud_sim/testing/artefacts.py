@@ -132,6 +132,7 @@ def write_bag(path: Path, drill: LockstepDrill, tested: RunVerdict | None = None
         machine=machine_name(),
     )
     entries = []
+    journal = f"{drill.namespace}/journal"
     with BagWriter(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         if tested is not None:
@@ -146,11 +147,14 @@ def write_bag(path: Path, drill: LockstepDrill, tested: RunVerdict | None = None
             except BagError:  # of a package whose definitions are not installed
                 definition, type_hash = None, ""
             bag.add_topic(Topic(name, kind, type_hash, (offer,)), definition)
+            payloads = heard.payloads
+            if name == journal:  # the bag lacks the entries of the runs before
+                payloads = [drill.beginning, *payloads[1:]]
             entries += [
                 (stamp, name, payload)
-                for stamp, payload in zip(heard.stamps, heard.payloads, strict=True)
+                for stamp, payload in zip(heard.stamps, payloads, strict=True)
             ]
-        journal = f"{drill.namespace}/journal"  # it comes before what follows at its time
+        # The journal comes before what follows at its time.
         entries.sort(key=lambda entry: (entry[0], entry[1] != journal))
         for stamp, name, payload in entries:
             bag.write(name, payload, max(stamp, 0), max(stamp, 0))

@@ -19,7 +19,7 @@ from rpud_sim.recorded.streams import stamps_of
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.changes import Change, action_of
 from rpud_sim.simulation.fields import CommandCounts
-from rpud_sim.simulation.plan import JournalEntry, Plan
+from rpud_sim.simulation.plan import JournalEntry, Plan, StrataTexts
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.topics import PROVED, TOPICS, offered_topics
 from rpud_sim.testing.collector import StoredTopic
@@ -97,6 +97,8 @@ class ComputedDrill:
         self._refresh = refresh
         self._entries: list[JournalEntry] = []
         self._journal: list[Batch] = []  # messages of the entries
+        self.beginning = b""  # first of them, which contains the strata even if it refers to them
+        self._strata = StrataTexts()
         self._origin = 0  # stamp of simulation time zero [ns]
         self._time = 0  # simulation time that the drill has reached [ns]
         self._status: Status | None = None  # at this time, to be compared
@@ -118,19 +120,20 @@ class ComputedDrill:
             self.count += 1
             content = json.loads(entry.content)
             if entry.kind == "begin":
+                content = dict(self._strata.complete(entry.sequence, content))
                 self._begin(content["parameters"])
             elif entry.kind == "origin":
                 self._origin = int(content["origin"])
             time = int(content.pop("time"))
             self._entries.append(JournalEntry(int(entry.sequence), time, entry.kind, content))
-            stamp = {"sec": entry.header.stamp.sec, "nanosec": entry.header.stamp.nanosec}
-            header = {"stamp": stamp, "frame_id": entry.header.frame_id}
-            named = {"sequence": entry.sequence, "kind": entry.kind, "content": entry.content}
-            self._keep(Batch.of(time, "journal", {"header": header, **named}), self._journal)
+            self._journal.append(_message(entry, time, entry.content))
+            if entry.kind == "begin":
+                self.beginning = _message(entry, time, self._entries[-1].text).message(0)
 
     def restart(self) -> None:
         """Begin with another journal, of a node that has been configured again."""
         self.count = 0
+        self._strata = StrataTexts()
 
     def refresh(self) -> None:
         """Take what is new in the journal."""
@@ -165,7 +168,7 @@ class ComputedDrill:
         found = self._batches.setdefault(topic, [])
         if self._entries:
             for batch in self._advanced().new(topic):
-                self._keep(batch, found)
+                found.append(_serialized(batch))
         return found
 
     def _advanced(self) -> GrowingRun:
@@ -187,9 +190,6 @@ class ComputedDrill:
         self._scheduled = max(self._scheduled, end)
         run.advance([Change(e.time, action_of(e.kind, e.content)) for e in new], self._time)
 
-    def _keep(self, batch: Batch, found: list[Batch]) -> None:
-        found.append(batch.serialized(installed_codec(TOPICS[batch.topic].type)))
-
     def _compare(self, run: Run, status: Status) -> None:
         """Raise a DrillError if the drill's status is not that of the computed run."""
         for name, value in run.status().fields.items():
@@ -202,6 +202,18 @@ class ComputedDrill:
                     f"there and {value!r} here, at {run.time / SECOND:.9g} s of simulation time; "
                     "the versions or the compiled kernels of the two differ"
                 )
+
+
+def _message(entry: EntryMessage, time: int, content: str) -> Batch:
+    """Return the message of an entry with some content, at a simulation time [ns]."""
+    stamp = {"sec": entry.header.stamp.sec, "nanosec": entry.header.stamp.nanosec}
+    header = {"stamp": stamp, "frame_id": entry.header.frame_id}
+    named = {"sequence": entry.sequence, "kind": entry.kind, "content": content}
+    return _serialized(Batch.of(time, "journal", {"header": header, **named}))
+
+
+def _serialized(batch: Batch) -> Batch:
+    return batch.serialized(installed_codec(TOPICS[batch.topic].type))
 
 
 def check_equal(computed: ComputedTopic, heard: StoredTopic) -> None:

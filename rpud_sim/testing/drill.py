@@ -142,6 +142,11 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
         return {**self._collector.topics, **self._computed.topics}
 
     @property
+    def beginning(self) -> bytes:
+        """First message of the journal since the latest reset, which contains the strata."""
+        return self._computed.beginning
+
+    @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdicts of this test, in the order of their expectations."""
         return tuple(self._verdicts.verdicts)

@@ -293,11 +293,10 @@ class LiveDrill:
         return ""
 
     def _complete(self, client: DrillClient) -> None:
-        """Request from the drill the journal's entries before the first received one."""
-        wanted, held = 0, self._history.held
-        begun, first = any(entry.kind == "begin" for entry, _ in held), held[0][0].sequence
+        """Request from the drill the entries of the journal that the received ones need."""
+        wanted, first = self._history.needed, self._history.held[0][0].sequence
         with suppress(ClientError):  # received messages are shown all the same
-            while not begun and wanted < first and (page := client.journal(wanted)):
+            while wanted < first and (page := client.journal(wanted)):
                 with self._lock:
                     self._history.complete(entry for entry in page if entry.sequence < first)
                 wanted = page[-1].sequence + 1

@@ -22,7 +22,8 @@ from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.journal import RecordedEntry
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.recorded.streams import stamps_of
-from rpud_sim.simulation.plan import JournalEntry
+from rpud_sim.simulation.changes import ChangeError
+from rpud_sim.simulation.plan import JournalEntry, StrataTexts, strata_entry
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.borehole import hole_of
@@ -101,6 +102,7 @@ class LiveHistory(History):
         # Entries, and publishing times, whose run is not known until others are there.
         self.held: list[tuple[Any, int]] = []
         self._journal_next = 0
+        self._strata = StrataTexts()
 
     @property
     def run(self) -> int:
@@ -117,6 +119,15 @@ class LiveHistory(History):
             self.held.append((message, published))
         else:
             self._journal(message, published)
+
+    @property
+    def needed(self) -> int:
+        """Number of the first entry that the held ones need, a begin and the strata of its run."""
+        for entry, _ in self.held:
+            if entry.kind == "begin":
+                strata = strata_entry(_content_of(entry))
+                return int(entry.sequence) if strata is None else strata
+        return 0
 
     def complete(self, entries: Iterable[Any]) -> None:
         """Take in entries of the journal that come before those which are held, in order."""
@@ -242,13 +253,13 @@ class LiveHistory(History):
         if self._journal_next:
             self.journal_lost += max(0, number - self._journal_next)
         self._journal_next = number + 1
-        content: Any = {}
-        with suppress(RecursionError, ValueError):  # another program may publish there too
-            content = json.loads(entry.content)
+        content = _content_of(entry)
         time = content.get("time") if isinstance(content, dict) else None
         if not isinstance(time, int) or abs(time) > _GREATEST:
             return
         if entry.kind == "begin":
+            with suppress(ChangeError):  # then the entry that the strata are in is shown
+                content = self._strata.complete(number, content)
             self._numbers += 1
             self._run = RecordedRun("", "journal", self.run, window=(published, LATEST))
             self.clear()
@@ -292,3 +303,9 @@ class LiveHistory(History):
             if signal.column in shown
         }
         self.add(Batch(topic, np.empty(0), columns, times=np.array([round(time * SECOND)])))
+
+
+def _content_of(entry: Any) -> Any:
+    with suppress(RecursionError, ValueError):  # another program may publish there too
+        return json.loads(entry.content)
+    return {}

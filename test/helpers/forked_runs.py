@@ -120,6 +120,7 @@ def use(values):
         run.take_over()
         yield from advance(41)
         run.apply(WeightOnBit(5.0))
+        run.apply(Configure({"real_time_factor": 2.0}))  # no parameter of the drill
         yield from advance(30)
         yield from run.flush(ends=True)
 

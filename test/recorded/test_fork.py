@@ -210,8 +210,7 @@ def test_a_value_that_is_set_stays_when_the_recorded_run_changes_others(used, tm
     write_fork(used.path, tmp_path / "fork", 0.05, None, changes)
     recorded = [e for e in entries_of(tmp_path / "fork") if e.kind == "configure"]
     values = [json.loads(e.content)["parameters"] for e in recorded]
-    assert [v["actuator_restitution"] for v in values] == [0.55, 0.55]
-    assert [v["regime"] for v in values] == ["drilling", "free"]
+    assert values == [{"actuator_restitution": 0.55}, {"regime": "free"}]
 
 
 def test_a_recorded_clear_finds_its_fault_under_another_number(used, tmp_path):

@@ -2,6 +2,7 @@
 
 import pytest
 
+from rpud_sim.drilling.rock import Strata, preset_layer
 from rpud_sim.foundation.time import NEVER
 from rpud_sim.simulation.changes import (
     Change,
@@ -17,7 +18,15 @@ from rpud_sim.simulation.changes import (
 from rpud_sim.simulation.commands import Drive, DriveChange, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
+from rpud_sim.simulation.plan import (
+    STRATA_REACH,
+    Beginning,
+    Journal,
+    JournalEntry,
+    Plan,
+    StrataTexts,
+    initial_phases,
+)
 
 
 def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
@@ -101,6 +110,61 @@ def test_of_two_sets_of_changes_the_later_comes_last():
     assert both.replaces_commands
     assert not both.empty
     assert PlannedChanges().empty
+
+
+def layered(count):
+    """Return the content of a beginning with so many layers."""
+    layers = tuple(preset_layer("basalt", 1e-4 * number) for number in range(count))
+    return Beginning(to_settings({"strata": Strata(layers).to_text()})).to_journal()
+
+
+def test_a_reset_takes_as_many_bytes_with_many_strata_as_with_few():
+    sizes = set()
+    for count in (10, 1000):
+        journal, strata = Journal(), StrataTexts()
+        content = layered(count)
+        for number in (0, 3, 6):
+            journal.record(0, "begin", content)
+            [begin] = journal.drain()
+            assert strata.complete(number, begin.content) == content
+            for _ in range(2):
+                journal.record(0, *journal_form(Stop()))
+            journal.drain()
+        sizes.add(len(begin.text))
+    assert len(sizes) == 1
+    assert begin.content["parameters"]["strata"] == {"same_as_entry": 0}
+
+
+def test_strata_are_stated_again_if_they_are_others_or_far_back():
+    journal = Journal()
+    first, other = layered(10), layered(11)
+    for content in (first, other, other, first):
+        journal.record(0, "begin", content)
+    stated = [each.content["parameters"]["strata"] for each in journal.drain()]
+    texts = [each["parameters"]["strata"] for each in (first, other)]
+    assert stated == [*texts, {"same_as_entry": 1}, texts[0]]
+    for _ in range(STRATA_REACH - 1):
+        journal.record(0, *journal_form(Stop()))
+    journal.record(0, "begin", first)
+    assert journal.drain()[-1].content == first
+
+
+def test_short_strata_are_in_each_beginning():
+    journal = Journal()
+    content = Beginning(to_settings({"strata": "sandstone"})).to_journal()
+    for _ in range(2):
+        journal.record(0, "begin", content)
+    assert [each.content for each in journal.drain()] == [content, content]
+
+
+@pytest.mark.parametrize("known", [{}, {0: 10}, {1: 10}])
+def test_strata_whose_entry_is_missing_are_an_error(known):
+    strata = StrataTexts()
+    for number, count in known.items():
+        strata.complete(number, layered(count))
+    content = {"parameters": {"strata": {"same_as_entry": 2}}}
+    with pytest.raises(ChangeError, match="journal entry 5 has the strata of entry 2: missing"):
+        strata.complete(5, content)
 
 
 def test_origins_of_which_nothing_was_published_leave_one_entry():

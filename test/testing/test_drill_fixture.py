@@ -8,6 +8,7 @@ import pytest
 from rpud_msgs.msg import Status
 
 import rpud_sim.bag
+from rpud_sim.drilling.rock import Strata, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.verify import verify
 from rpud_sim.ros.client import DrillClient, RefusedError
@@ -189,6 +190,16 @@ def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
     with pytest.raises(ExpectationFailedError) as error:
         drill.expect(bearable)
     assert evaluate(bearable, record) == error.value.verdicts[0]
+    assert verify(tmp_path / "bag").proved
+
+
+def test_the_bag_of_a_test_contains_the_strata_after_a_reset(drill_factory, tmp_path):
+    layers = tuple(preset_layer("limestone", 1e-3 * number) for number in range(20))
+    drill = drill_factory(strata=Strata(layers).to_text())
+    drill.step(0.05)
+    drill.reset()
+    drill.step(0.05)
+    write_bag(tmp_path / "bag", drill)
     assert verify(tmp_path / "bag").proved
 
 

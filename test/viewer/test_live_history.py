@@ -287,6 +287,21 @@ def test_a_late_screen_holds_entries_until_it_has_those_before():
     assert texts(history)[-1] == "weight on bit 4 N"
 
 
+@pytest.mark.parametrize(("kept", "shown"), [(True, "{layers: []}"), (False, {"same_as_entry": 3})])
+def test_a_late_screen_has_the_strata_of_an_earlier_run_or_shows_which_they_are(kept, shown):
+    history = LiveHistory()
+    begin = entry(9, "begin", 0, parameters={**PARAMETERS, "strata": {"same_as_entry": 3}})
+    for message in (entry(8, "flush", 2 * SECOND), begin):
+        history.latched("journal", message)
+    assert history.needed == 3
+    if kept:
+        first = entry(3, "begin", 0, parameters={**PARAMETERS, "strata": "{layers: []}"})
+        history.complete([first, *(entry(number, "flush", SECOND) for number in range(4, 8))])
+    history.release()
+    assert history.commands.parameters["strata"] == shown
+    assert history.journal_lost == 0
+
+
 def test_a_jump_in_the_journal_is_counted_as_lost(history):
     tell(history, "journal", entry(4, "flush", SECOND))
     assert history.journal_lost == 3

@@ -22,6 +22,7 @@ from rpud_sim.ros.drill.drawn_order import ShuffledOrder
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
 from rpud_sim.ros.graph import has_lost_subscriber, members_of, message_class
 from rpud_sim.simulation.fields import time_fields
+from rpud_sim.simulation.plan import STRATA_REACH
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
@@ -43,7 +44,7 @@ _LONGEST_WAIT = 10.0
 _REPORT_WAIT = 0.5  # for those that lack the last report [s]
 _REPORTS = ("power", "timing", "status")
 
-MOST = 1_000_000  # entries that are kept at least, about 15 MB
+MOST = 1_000_000 + STRATA_REACH  # entries that are kept at least, about 15 MB
 _PAGE = 500  # entries that are compressed, and returned, together
 
 Entries = list[tuple[int, bytes]]  # publishing times [ns since the epoch], and serialized entries
