@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Iterable
 
 from tqdm import tqdm
 
 from rpud_sim.testing.processes import DomainClaim
 from tools import LOOPBACK
-from tools.fuzz import bags
+from tools.fuzz import Outcome, bags
 
 
 def main() -> int:
@@ -21,23 +22,37 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", type=int, metavar="N", help="number of the only bag and input")
     arguments = parser.parse_args()
+    seed, harms = arguments.seed, 0
 
     def numbers(count: int) -> tqdm:
         chosen = range(count) if arguments.only is None else [arguments.only][:count]
         return tqdm(chosen, disable=None)
 
-    outcomes = []
     if arguments.bags:  # before there is a thread: its workers are forked
-        outcomes.append(bags.run(numbers(arguments.bags), arguments.seed, os.cpu_count() or 1))
+        harms += _show("bag", seed, bags.run(numbers(arguments.bags), seed))
     if arguments.inputs:
         claim = DomainClaim()
         os.environ.update(ROS_DOMAIN_ID=str(claim.domain), ROS_PYTHON_CHECK_FIELDS="1", **LOOPBACK)
         from tools.fuzz import drill
 
-        outcomes.append(drill.run(numbers(arguments.inputs), arguments.seed))
-    for outcome in outcomes:
-        outcome.show()
-    return int(any(outcome.harms for outcome in outcomes))
+        harms += _show("input", seed, drill.run(numbers(arguments.inputs), seed))
+    return int(harms > 0)
+
+
+def _show(what: str, seed: int, outcomes: Iterable[Outcome]) -> int:
+    """Print a table by way, and the first harms; return their number."""
+    rows, harms = dict[str, tuple[int, int, float, float]](), list[str]()
+    for each in outcomes:
+        inputs, refused, slowest, largest = rows.get(each.way, (0, 0, 0.0, 0.0))
+        most = max(slowest, each.seconds), max(largest, each.memory)
+        rows[each.way] = inputs + 1, refused + each.refused, *most
+        harms += [f"{what} {each.number} of seed {seed}, {each.way}: {h}" for h in each.harms]
+    print(f"{'way':28} {'inputs':>8} {'refused':>8} {'slowest [ms]':>14} {'most [MB]':>12}")
+    for way, (inputs, refused, slowest, largest) in sorted(rows.items()):
+        print(f"{way:28} {inputs:8} {refused:8} {1e3 * slowest:14.1f} {largest:12.0f}")
+    print(f"harms: {len(harms)}")
+    print(*(f"harmed: {harm}" for harm in harms[:20]), sep="\n", file=sys.stderr)
+    return len(harms)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import math
 import random
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Result, SimulationState
-from rpud_msgs.srv import (
-    ResetSimulation,
-    SetSimulationState,
-)
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.ros.drill.managed_node import declare_settings
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
@@ -34,8 +31,6 @@ from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.topics import CHANNELS, COMMAND_TOPICS
 from tools.fuzz import Outcome, hostile
 
-SECOND = 1_000_000_000
-LONGEST_STEP = 1_000_000 * SECOND  # that the drill takes; a fuzz that waits for one never ends
 LONGEST_REASON = 20_000  # rclpy repeats the names that it does not know
 MOST_GROWTH = 20_000_000  # of memory after the first fifth of the inputs [byte]
 OPTIONS = {
@@ -54,7 +49,7 @@ KNOWN = {  # values of fields, by their names
     "label": ("configure", "activate", "cleanup", "", *hostile.WORDS),
     "state": (*(0, 1, 2) * 80, *{*range(256)} - {SimulationState.STATE_QUITTING}),
     "magnitude": (*(0.0, 0.5) * 30, *hostile.NUMBERS),
-    "sec": (*(0, 1, 2) * 4, *hostile.WHOLES, -1, 2**31 - 1, -(2**31)),
+    "sec": (0, 0, 0, -1, 2**31 - 1, -(2**31)),  # the drill would take a long step, and never end
     "entries_from": (0,),  # its page grows with the journal
 }
 RARE = {"node": 0.005, "simulation/reset": 0.2}  # they take milliseconds; rclpy frees no node
@@ -83,11 +78,8 @@ class Drill:
             for each in self.node.services
             if not each.srv_name.endswith("get_type_description")  # rclpy's own
         }
-        self.commands = {
-            each.topic_name.removeprefix("/"): each
-            for each in self.node.subscriptions
-            if each.topic_name.removeprefix("/") in COMMAND_TOPICS
-        }
+        named = {each.topic_name.removeprefix("/"): each for each in self.node.subscriptions}
+        self.commands = {name: named[name] for name in COMMAND_TOPICS if name in named}
         self.ways = [*self.commands, *self.services, "node"]
         self._parameters = self.parameters()
 
@@ -121,8 +113,7 @@ class Drill:
 
     def set_state(self, state: int) -> None:
         """Play or pause."""
-        request = SetSimulationState.Request(state=SimulationState(state=state))
-        self.call("simulation/set_state", request)
+        self.call("simulation/set_state", state=SimulationState(state=state))
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
@@ -140,7 +131,7 @@ class Drill:
         given = [Parameter(name, value=value) for name, value in changed.items()]
         self.node.set_parameters_atomically(given)
         self.node.loop.request(lambda live: live.act())
-        self.call("simulation/reset", ResetSimulation.Request())
+        self.call("simulation/reset")
         self.set_state(SimulationState.STATE_PLAYING)
 
     def send(self, drawn: random.Random, way: str) -> str | None:
@@ -148,18 +139,7 @@ class Drill:
         if way == "node":
             return self._declare(drawn)
         if way in self.commands:
-            subscription = self.commands[way]
-            message = hostile.fill(drawn, subscription.msg_type(), KNOWN)
-            if drawn.random() < 0.5:
-                message.header.stamp = type(message.header.stamp)()
-            rejected = self.inbox.rejected
-            self.reasons.clear()
-            info = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
-            subscription.callback(serialize_message(message), info)
-            self.node.loop.request(lambda live: live.act())  # where commands are checked
-            counted = self.inbox.rejected - rejected
-            assert counted == len(self.reasons) <= 1, f"counted {counted}, said {self.reasons}"
-            return self.reasons[0] if counted else None
+            return self._command(drawn, way)
         request = hostile.fill(drawn, self.services[way].srv_type.Request(), KNOWN)
         for each in getattr(request, "parameters", ()):
             allowed = getattr(PARAMETERS.get(each.name), "allowed", None)
@@ -168,29 +148,33 @@ class Drill:
                 beyond = math.nextafter(end, drawn.choice((-1, 1)) * 1e99)
                 each.value.type = ParameterType.PARAMETER_DOUBLE
                 each.value.double_value = drawn.choice((end, beyond))
-        refused = self.inbox.requests_refused
-        if way in ("simulation/step", "simulation/run_to"):
-            self._shorten(drawn, way, request)
-            with self.paused() if drawn.random() < 0.5 else contextlib.nullcontext():
-                refused, before = self.inbox.requests_refused, self.state()
-                reason = reason_of(self.call(way, request))
-                assert reason is None or self.state() == before, f"refused, {reason}, but changed"
-        else:
+        if way == "simulation/run_to" and drawn.random() < 0.3:  # soon
+            now = self.node.loop.request(lambda live: live.stamp)
+            request.time.sec, request.time.nanosec = divmod(now + SECOND // 200, SECOND)
+        waits = way in ("simulation/step", "simulation/run_to") and drawn.random() < 0.5
+        with self.paused() if waits else contextlib.nullcontext():
+            refused, before = self.inbox.requests_refused, self.state() if waits else ""
             reason = reason_of(self.call(way, request))
-        counted = self.inbox.requests_refused > refused
+            counted = self.inbox.requests_refused > refused
+            if waits and reason is not None:
+                assert self.state() == before, f"refused, {reason}, but changed"
         known = reason in (None, "it is in that state already")
         assert known or counted, f"refused, {reason}, but not counted"
         return reason
 
-    def _shorten(self, drawn: random.Random, way: str, request: Any) -> None:
-        """Draw the length of a step again if it would rightly take for ever."""
-        field = request.duration if way == "simulation/step" else request.time
-        now = 0 if way == "simulation/step" else self.node.loop.request(lambda live: live.stamp)
-        while SECOND // 100 < field.sec * SECOND + field.nanosec - now <= LONGEST_STEP:
-            field.sec = drawn.choice((0, hostile.whole(drawn, 32, signed=True)))
-            field.nanosec = drawn.choice((1, 1_000_000, hostile.whole(drawn, 32)))
-        if way == "simulation/run_to" and drawn.random() < 0.3:  # soon
-            field.sec, field.nanosec = divmod(now + SECOND // 200, SECOND)
+    def _command(self, drawn: random.Random, topic: str) -> str | None:
+        subscription = self.commands[topic]
+        message = hostile.fill(drawn, subscription.msg_type(), KNOWN)
+        if drawn.random() < 0.5:
+            message.header.stamp = type(message.header.stamp)()
+        rejected = self.inbox.rejected
+        self.reasons.clear()
+        info = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
+        subscription.callback(serialize_message(message), info)
+        self.node.loop.request(lambda live: live.act())  # where commands are checked
+        counted = self.inbox.rejected - rejected
+        assert counted == len(self.reasons) <= 1, f"counted {counted}, said {self.reasons}"
+        return self.reasons[0] if counted else None
 
     def _declare(self, drawn: random.Random) -> str | None:
         """Start another node, with overrides of the types that rcl knows."""
@@ -222,10 +206,9 @@ def reason_of(response: Any) -> str | None:
     return " and ".join(refused) if refused and len(refused) == len(response.results) else None
 
 
-def run(numbers: Iterable[int], seed: int) -> Outcome:
+def run(numbers: Sequence[int], seed: int) -> Iterator[Outcome]:
     """Send inputs, each drawn from the seed and its number, and check what follows from each."""
-    outcome, drill, warm = Outcome(), Drill(), 0
-    numbers = numbers if hasattr(numbers, "__len__") else list(numbers)
+    drill, warm = Drill(), 0
     weights = [RARE.get(way, 1.0) for way in drill.ways]
     before = drill.state()
     for number in numbers:
@@ -237,7 +220,7 @@ def run(numbers: Iterable[int], seed: int) -> Outcome:
             reason = drill.send(drawn, way)
         except Exception as error:
             harms.append(f"{type(error).__name__}: {error}"[:500])
-        outcome.add(way, reason is not None, time.perf_counter() - began)
+        seconds = time.perf_counter() - began
         after = drill.state()
         if reason is None and after != before:
             drill.restore()
@@ -250,13 +233,11 @@ def run(numbers: Iterable[int], seed: int) -> Outcome:
         before = after
         if drill.node.loop.failure is not None:
             harms.append(f"the drilling has ended: {drill.node.loop.failure}")
-        outcome.harms += [f"input {number} of seed {seed}, {way}: {harm}" for harm in harms]
-        if number == len(numbers) // 5:
-            warm = _resident()
-    if warm and _resident() - warm > MOST_GROWTH:
-        outcome.harms.append(f"memory has grown by {(_resident() - warm) / 1e6:.1f} MB")
+        warm = _resident() if number == len(numbers) // 5 else warm
+        if number == len(numbers) - 1 and warm and (grown := _resident() - warm) > MOST_GROWTH:
+            harms.append(f"memory has grown by {grown / 1e6:.1f} MB")
+        yield Outcome(number, way, reason is not None, seconds, harms)
     drill.close()
-    return outcome
 
 
 def _resident() -> int:
