@@ -3,17 +3,11 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 import yaml
-from ros2_control_hardware import (
-    PARAMETERS,
-    ROOT,
-    Description,
-    arm_with_drill,
-    expanded,
-)
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.simulation.fields import FEED_JOINT
@@ -21,8 +15,65 @@ from rpud_sim.simulation.topics import TOPICS
 
 pytestmark = pytest.mark.extended
 
+ROOT = Path(__file__).resolve().parents[1]
+MACRO_FILE = ROOT / "config" / "ros2_control" / "rpud.ros2_control.xacro"
+MACRO = ElementTree.parse(MACRO_FILE).getroot()[0]
+DEFAULTS = dict(word.split(":=") for word in MACRO.get("params").split())
+# Of joint_state_topic_hardware_interface 1.1.0, read from its sources.
+PARAMETERS = {
+    "joint_commands_topic",
+    "joint_states_topic",
+    "trigger_joint_command_threshold",
+    "sum_wrapped_joint_states",
+}
 CONTROLLERS = yaml.safe_load((ROOT / "config" / "ros2_control" / "controllers.yaml").read_text())
 PAGE = ROOT / "docs" / "how-to" / "put-it-on-an-arm.md"
+
+
+class Description:
+    """System of a `ros2_control` element in a whole robot description."""
+
+    def __init__(self, robot):
+        (system,) = robot.findall("ros2_control")
+        assert system.get("name")
+        assert system.get("type") == "system"
+        assert {child.tag for child in system} == {"hardware", "joint"}
+        hardware = system.find("hardware")
+        self.plugin = hardware.find("plugin").text
+        self.parameters = {each.get("name"): each.text for each in hardware.findall("param")}
+        moving = {joint.get("name"): joint for joint in robot.findall("joint")}
+        self.joints = {}  # command and state interfaces of each joint
+        self.limits = {}  # of each joint in the URDF, as its attributes
+        for joint in system.findall("joint"):
+            name = joint.get("name")
+            assert moving[name].get("type") != "fixed"
+            self.joints[name] = tuple(
+                tuple(each.get("name") for each in joint.findall(f"{kind}_interface"))
+                for kind in ("command", "state")
+            )
+            self.limits[name] = dict(moving[name].find("limit").attrib)
+
+
+def expanded(**arguments):
+    """Return the ros2_control element as xacro expands the macro."""
+    values = {**DEFAULTS, **arguments}
+    text = ElementTree.tostring(MACRO[0], encoding="unicode")
+    return ElementTree.fromstring(re.sub(r"\$\{(\w+)\}", lambda found: values[found[1]], text))
+
+
+def arm_with_drill(**arguments):
+    """Return a whole description: an arm's flange, both files of the drill, and ros2_control."""
+    robot = ElementTree.fromstring('<robot name="arm"><link name="tool0"/></robot>')
+    for name in ("rpud.urdf", "rpud_feed.urdf"):
+        robot.extend(ElementTree.parse(ROOT / "urdf" / name).getroot())
+    robot.append(
+        ElementTree.fromstring(
+            '<joint name="drill_joint" type="fixed"><parent link="tool0"/>'
+            '<child link="rpud_rail"/></joint>'
+        )
+    )
+    robot.append(expanded(**arguments))
+    return robot
 
 
 def test_the_hardware_talks_on_the_topics_of_the_drill():

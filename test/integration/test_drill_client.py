@@ -9,7 +9,6 @@ from support import PATIENCE, until
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.client import DrillClient, NoAnswerError, NoDrillError, RefusedError
 
-SECOND = 1_000_000_000
 PAUSED = {"start_paused": True, "publish_clock": True}
 
 

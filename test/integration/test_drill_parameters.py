@@ -45,7 +45,6 @@ def get(client, *names):
             r"drill_node: wieght_on_bit is not a parameter; did you mean weight_on_bit\?",
         ),
         ("drill_node", ["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
-        ("drill_node", ["-p", "use_sim_time:=maybe"], ".*use_sim_time.*"),
         ("recorder", ["-p", "use_sim_time:=maybe"], ".*use_sim_time.*"),
     ],
 )

@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
+from std_msgs.msg import Header
 from support import PATIENCE, until
 
 import rpud_sim.bag
@@ -128,19 +129,6 @@ def test_published_messages_are_recorded_replayed_and_received(process, program,
     assert set(again[NODAL_PLANE]) <= set(recorded[NODAL_PLANE])
 
 
-def test_a_terminated_recorder_keeps_all_that_was_acknowledged(process, program, tmp_path):
-    recorder = process(
-        "recorder", "contact_force", "status", NODAL_PLANE, "--out", tmp_path / "run"
-    )
-    talker = program("talker", "--count", 5000, "--rate", 1e6)
-    talker.wait_for_line("published 5000")
-    recorder.terminate()
-    assert finished(recorder)
-    recorded = contents(tmp_path / "run")
-    assert numbers(recorded[CONTACT_FORCE]) == list(range(5000))
-    assert len(recorded[NODAL_PLANE]) + losses(tmp_path / "run")[NODAL_PLANE] <= 5000
-
-
 def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
     node = connect("/rpud").node
     recorder = process("recorder", "--out", tmp_path / "run")
@@ -148,10 +136,12 @@ def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
     planes = node.create_publisher(NodalPlane, "nodal_plane", unsure)
     forces = node.create_publisher(ContactForce, "contact_force", 1)
     numbers = itertools.count()
+    # Long messages: the recorder stands still so shortly that its participant stays known.
+    header = Header(frame_id="x" * 30_000)
 
     def publish(count):
         for number in itertools.islice(numbers, count):
-            planes.publish(NodalPlane(position=float(number)))
+            planes.publish(NodalPlane(header=header, position=float(number)))
 
     def publish_and_wait():
         """Publish one plane, and wait until the recorder has what was sent after it."""
@@ -162,7 +152,7 @@ def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
     until(lambda: all(each.get_subscription_count() for each in (planes, forces)))
     publish_and_wait()
     os.kill(recorder.pid, signal.SIGSTOP)
-    publish(20_000)  # far more than the middleware can hold for a recorder that stands still
+    publish(1000)  # far more than the middleware can hold for a recorder that stands still
     os.kill(recorder.pid, signal.SIGCONT)
     for _ in range(10):  # the recorder reads what was held; one that comes later shows the gap
         publish_and_wait()

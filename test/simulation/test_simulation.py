@@ -24,11 +24,6 @@ MILLISECOND = 1_000_000
 OFF = Drive(False, 0.0, 0.0)
 regimes = st.sampled_from([preset("free"), preset("drilling")])
 moments = st.integers(0, SECOND // 4)
-commands = st.one_of(
-    st.builds(WeightOnBit, st.floats(0.0, 60.0)),
-    st.builds(Drive, st.just(True), st.floats(50.0, 200.0), st.floats(8e3, 40e3)),
-    st.just(OFF),
-)
 
 
 def collect(blocks):
@@ -129,23 +124,6 @@ def test_a_drive_that_is_off_keeps_voltage_and_frequency_that_are_zero():
         simulation.apply(command)
         assert simulation.applied.drive == applied
     assert simulation.advance_to(MILLISECOND).open_segment["vibration_amplitude"] == 0.0
-
-
-@settings(max_examples=examples(25))
-@given(regimes, moments, st.permutations([WeightOnBit(7.0), OFF, WeightOnBit(31.0)]))
-def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bit(
-    parameters, moment, given_commands
-):
-    def trajectory(commands_in_order):
-        simulation = SilentDrill(parameters)
-        blocks = [simulation.advance_to(moment)]
-        for command in commands_in_order:
-            simulation.apply(command)
-        return collect([*blocks, simulation.advance_to(SECOND // 3)])
-
-    weights_first = sorted(given_commands, key=lambda command: isinstance(command, Drive))
-    for one, other in zip(trajectory(given_commands), trajectory(weights_first), strict=True):
-        assert same(one, other)
 
 
 def test_another_specific_energy_counts_from_its_instant_on():

@@ -125,14 +125,6 @@ def test_scheduled_faults_come_and_go_at_their_instants():
     assert segments["duration"][stiff].sum() == pytest.approx(1e-9, rel=1e-3)
 
 
-def test_at_one_instant_ends_come_before_beginnings():
-    first = scheduled("lost_preload", SECOND, 2 * SECOND, 0.2)
-    second = scheduled("lost_preload", 2 * SECOND, None, 0.4)
-    simulation = SilentDrill(Parameters(), faults=[first, second])
-    simulation.advance_to(3 * SECOND)
-    assert [clear for _, _, clear in spans(simulation)] == [2 * SECOND, None]
-
-
 def test_a_scheduled_fault_that_cannot_begin_is_refused_and_reported():
     free = preset("free")
     planned = [
