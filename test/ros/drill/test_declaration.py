@@ -2,6 +2,7 @@
 
 import math
 import threading
+from itertools import pairwise
 
 import pytest
 import rclpy
@@ -144,8 +145,8 @@ SECTIONS = ["/**", "/*/drill_node", "/**/drill_node", "left/drill_node", "/left/
 SECTIONS += ["/left/*", "/left/**", "/right/drill_node", "gripper_node", "/left", "/*"]
 
 
-@pytest.mark.parametrize("other", SECTIONS)
-@pytest.mark.parametrize("section", SECTIONS)
+# Each before and after its neighbours, and one twice.
+@pytest.mark.parametrize(("section", "other"), pairwise([*SECTIONS, *reversed(SECTIONS)]))
 def test_a_parameter_file_means_what_it_means_to_a_node(nodes, tmp_path, section, other):
     """Of two sections that fit the later one counts, in a file that starts with another node's."""
     path = tmp_path / "several.yaml"
