@@ -92,7 +92,7 @@ def test_everything_is_received_and_nothing_is_lost(client):
     layer = seen["view"]["layers"]["reacting_force"]
     assert (layer["low"] <= layer["mean"]).all()
     assert (layer["mean"] <= layer["high"]).all()
-    client.until(lambda seen: seen["hole"]["depth"] > 0.0)
+    client.until(lambda seen: seen.get("hole") and seen["hole"]["depth"] > 0.0)
     assert [layer["name"] for layer in client.seen["hole"]["layers"]] == ["rock"]
 
 

@@ -292,7 +292,7 @@ def test_a_late_screen_has_the_strata_of_an_earlier_run_or_shows_which_they_are(
     history = LiveHistory()
     begin = entry(9, "begin", 0, parameters={**PARAMETERS, "strata": {"same_as_entry": 3}})
     for message in (entry(8, "flush", 2 * SECOND), begin):
-        history.latched("journal", message)
+        tell(history, "journal", message)
     assert history.needed == 3
     if kept:
         first = entry(3, "begin", 0, parameters={**PARAMETERS, "strata": "{layers: []}"})
