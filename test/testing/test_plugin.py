@@ -249,7 +249,7 @@ def test_pytest_rewrites_none_of_what_a_drill_needs(session):
 def test_a_passing_test_that_looks_at_nothing_of_its_drill_gets_a_warning(session):
     text = session[0]
     assert "3 failed, 6 passed, 1 warning, 1 rerun" in text
-    warning = r"::(\w+)\n.*Warning: this test has a drill and no expect"
+    warning = r"::(\w+)\n  .*Warning: this test has a drill and no expect"
     assert re.findall(warning, text) == ["test_nothing"]
     failed = set(re.findall(r"^FAILED \S*::(\w+)", text, re.MULTILINE))
     strict = "test_nothing_where_a_warning_is_an_error"
