@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.mark.extended
 def test_hostile_inputs_and_bags_are_rejected_in_one_line_and_harm_nothing():
-    words = ("-m", "tools.fuzz", "--inputs", "1000", "--bags", "300")
+    words = ("-m", "tools.fuzz", "--inputs", "4000", "--bags", "300")
     done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True)
     assert (done.stdout.count("harms: 0"), done.returncode) == (2, 0), done.stderr
     rows = re.findall(r"^(\S+) +(\d+) +(\d+) ", done.stdout, re.MULTILINE)
