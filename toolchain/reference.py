@@ -135,10 +135,10 @@ _LOW_LEVEL = frozenset(
 # Members that the plugin and other commands use among themselves.
 _INTERNAL = frozenset(
     {
-        *("await_connections", "await_delivery", "begin", "check_while_waiting", "client"),
+        *("await_connections", "await_delivery", "begin", "beginning"),
         *("disturb", "disturbed_steps", "found", "observe", "pid", "publishers", "record_attempt"),
         *("renew", "status_number", "subscribe", "take", "telemetry", "verdict_lines"),
-        "wait_until",
+        *("check_while_waiting", "client", "interrupt", "wait_until"),
     }
 )
 
