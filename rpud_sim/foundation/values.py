@@ -47,6 +47,12 @@ class Sequences:
         return [self.values[start:end] for start, end in pairwise(cuts)]
 
 
+def to_float32(values: Any) -> np.ndarray:
+    """Return numbers in 32 bits; a damaged one beyond their range is infinite, without warning."""
+    with np.errstate(over="ignore"):
+        return np.asarray(values).astype(np.float32)
+
+
 # Elements of an array that become JSON together
 _MOST_ELEMENTS = 65_536
 

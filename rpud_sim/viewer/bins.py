@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.shown_quantities import QUANTITIES
+from rpud_sim.foundation.values import to_float32
 
 Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``: equal shapes (n,)
 
@@ -144,7 +145,7 @@ class Impacts:
         kept = slice(self._skip, None, self.stride)
         self._skip = (self._skip - len(times)) % self.stride
         with np.errstate(over="ignore"):  # a faulty channel may hold garbage
-            times, peaks = times[kept], peaks[kept].astype(np.float32)
+            times, peaks = times[kept], to_float32(peaks[kept])
         if not len(times):
             return
         end = self._count + len(times)

@@ -9,6 +9,7 @@ import numpy as np
 
 from rpud_sim.drilling.rock import ROCKS, find_strata
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.values import to_float32
 
 if TYPE_CHECKING:
     from rpud_sim.viewer.history import History
@@ -81,4 +82,4 @@ def well_log(
     log["rate"] = np.bincount(places, rate[valid]) / counts
     none = np.full(len(used), np.nan)
     log["torque"] = none if torque is None else np.bincount(places, torque[valid]) / counts
-    return {name: values.astype(np.float32) for name, values in log.items()}
+    return {name: to_float32(values) for name, values in log.items()}

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.shown_quantities import QUANTITIES
+from rpud_sim.foundation.values import to_float32
 from rpud_sim.simulation.configuration import parameter_rows
 from rpud_sim.simulation.fault_kinds import fault_text, magnitude_text
 
@@ -139,7 +140,7 @@ class Commands:
         """
         found = {}
         for name, (times, values) in self._steps.items():
-            t, v = np.array(times), np.array(values, np.float32)
+            t, v = np.array(times), to_float32(values)
             first = max(int(np.searchsorted(t, start, "right")) - 1, 0)
             last = int(np.searchsorted(t, end, "right"))
             chosen = np.linspace(first, last - 1, min(last - first, most)).astype(int)

@@ -13,6 +13,7 @@ import numpy as np
 
 from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.values import to_float32
 from rpud_sim.messages.batch import Batch
 from rpud_sim.simulation.fault_kinds import magnitude_text
 from rpud_sim.simulation.topics import TOPICS
@@ -431,5 +432,5 @@ def _number(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarr
         found["mean"] = mean[known].mean()
         found["least"], found["greatest"] = low[known].min(), high[known].max()
     with np.errstate(over="ignore"):
-        spark = spark.astype(np.float32)
+        spark = to_float32(spark)
     return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:]}

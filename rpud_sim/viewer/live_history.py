@@ -16,6 +16,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, Topic, TopicSummary
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.values import to_float32
 from rpud_sim.messages.batch import LATEST, Batch
 from rpud_sim.messages.definitions import find_definition
 from rpud_sim.recorded.drill_tables import drill_table
@@ -199,7 +200,7 @@ class LiveHistory(History):
         stride = -(-(length - first) // _MOST_SAMPLES)
         start, end = begin + first * period, begin + length * period
         samples = {
-            name: array[first::stride].astype(np.float32)
+            name: to_float32(array[first::stride])
             for name, array in zip(MOTION, arrays, strict=False)
         }
         impacts = [[at - start, *rest] for at, *rest in self.latest_impacts if start <= at < end]

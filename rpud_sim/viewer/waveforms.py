@@ -11,6 +11,7 @@ import numpy as np
 
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import to_float32
 from rpud_sim.messages.definitions import installed_codec
 from rpud_sim.recorded.rebuild import RecordedSegments, recorded_segments
 from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
@@ -80,7 +81,7 @@ class Waveforms:
         if not found:
             return None
         times, channels = found[-1]
-        arrays = {name: channels[CHANNELS[name]].astype(np.float32) for name in MOTION}
+        arrays = {name: to_float32(channels[CHANNELS[name]]) for name in MOTION}
         struck, *rest = self.impacts(float(times[0]), end)
         impacts = np.column_stack([struck - times[0], *rest]).tolist()
         return {"period": 1.0 / SECTION_RATE, "time": times[0], "impacts": impacts, **arrays}

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.json_text import NotFiniteError, finite_values, json_text, name_of
+from rpud_sim.foundation.values import to_float32
 
 NUMBERS = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
 PLAIN = st.recursive(NUMBERS, lambda each: st.lists(each) | st.dictionaries(st.text(), each))
@@ -44,3 +45,7 @@ def test_what_json_lacks_becomes_null_or_a_text():
     assert finite_values(value) == {"a": [None, 1.0], "b": [None, None]}
     named = {"a": ["NaN", 1.0], "b": ["Infinity", "-Infinity"]}
     assert finite_values(value, name_of) == named
+
+
+def test_a_number_beyond_32_bits_is_infinite_without_a_warning():
+    assert to_float32([1.5, 1e300, -1e300, math.nan]).tolist()[:3] == [1.5, math.inf, -math.inf]
