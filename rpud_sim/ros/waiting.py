@@ -44,13 +44,13 @@ class WaitSet:
         subscriptions: Iterable[Subscription] = (),
         clients: Iterable[Client] = (),
         services: Iterable[Service] = (),
-    ) -> bool:
-        """Wait until one of them has something to take; return whether one has, in time [s]."""
-        handles = [[each.handle for each in kind] for kind in (subscriptions, clients, services)]
-        readers, callers, servers = handles
+    ) -> list[Any]:
+        """Wait until one of them has something to take; return those that have, in time [s]."""
+        kinds: list[list[Any]] = [*map(list, (subscriptions, clients, services))]
+        readers, callers, servers = [[each.handle for each in kind] for kind in kinds]
         if not (readers or callers or servers):
             time.sleep(seconds)
-            return False
+            return []
         if self._sizes != (sizes := (len(readers), len(callers), len(servers))):
             self._sizes = sizes
             self._wait_set = rclpy_implementation.WaitSet(
@@ -66,7 +66,14 @@ class WaitSet:
         for handle in servers:
             found.add_service(handle)
         found.wait(round(seconds * SECOND))
-        return any(found.get_ready_entities(kind) for kind in ("subscription", "client", "service"))
+        ready = [found.get_ready_entities(kind) for kind in ("subscription", "client", "service")]
+        return [
+            each
+            for entities, pointers in zip(kinds, ready, strict=True)
+            if pointers
+            for each in entities
+            if each.handle.pointer in pointers
+        ]
 
 
 def take_responses(client: Client) -> None:
@@ -120,9 +127,8 @@ class ServiceThread:
     def _run(self) -> None:
         while not self._closed.is_set():
             try:
-                if self._waiting.wait(_LONGEST_WAIT, services=self._services):
-                    for service in self._services:
-                        _answer(service)
+                for service in self._waiting.wait(_LONGEST_WAIT, services=self._services):
+                    _answer(service)
             except InvalidHandle:  # the node has been destroyed
                 return
             except Exception as error:

@@ -18,7 +18,7 @@ class Refusals:
     def __init__(self, client: DrillClient) -> None:
         self._client = client
         self.begin()
-        client.observe(self._take)
+        client.observe(self._take, "command_results")
 
     def begin(self) -> None:
         """Forget everything: the drill has begun again."""
@@ -39,6 +39,6 @@ class Refusals:
 
     def _take(self, topic: str, message: Any, published: int) -> None:
         # Messages with an earlier number are of the run before.
-        if topic == "command_results" and message.status > self._begun:
+        if message.status > self._begun:
             new = message.results[message.repeated :]
             self._reasons += [result.reason for result in new if not result.accepted]

@@ -32,6 +32,7 @@ from rpud_sim.foundation.verbs import DeclaredAttributes, verb
 from rpud_sim.ros.client.arguments import to_number, to_parameter, to_time
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
+    ClientError,
     CommandSender,
     ListeningNode,
     NoAnswerError,
@@ -45,6 +46,7 @@ from rpud_sim.ros.client.listening_node import (
 from rpud_sim.ros.client.topics import FastTopics, listen
 from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.received import ReceivedTopic
+from rpud_sim.ros.threads import raised
 from rpud_sim.simulation.faults import Fault as CheckedFault
 from rpud_sim.simulation.scenario_file import DURATION as FAULT_DURATION
 from rpud_sim.simulation.topics import TOPICS
@@ -57,6 +59,7 @@ SCOPES: Mapping[str, int] = {
     "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
 _RESULTS = "command_results"
+_FOLLOWED = ("status", "faults", "journal", _RESULTS)  # that every client has
 _LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _TINY = 1e-300  # magnitude with the effect of zero, which in a message means the default
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
@@ -96,13 +99,13 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         super().__init__(node_name, namespace, domain_id, patience)
         self._found = False
         self._followed: dict[str, ReceivedTopic] = {}
-        self._latest: dict[str, Any] = {}  # message by topic
+        self._latest: dict[str, Any] = {}  # message by topic, or its bytes until it is asked for
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
         self._listened: list[ReceivedTopic] = []
         self._shown = 0  # number of the status that a step returned; those before are older
         self.published = {}
-        self._observer: Callable[[str, Any, int], object] = lambda topic, message, published: None
-        self._follow("status", "faults", "journal", _RESULTS)
+        self._observers: dict[str, Callable[[str, Any, int], object]] = {}  # by topic
+        self._follow(*_FOLLOWED)
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
@@ -122,7 +125,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
     def status(self) -> Status:
         """Latest status of the drill, a ``rpud_msgs/Status``."""
         self.found()
-        return self._latest["status"]
+        return self._message("status")
 
     @property
     def status_number(self) -> int:
@@ -133,7 +136,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
     def faults(self) -> list[Fault]:
         """Faults since the start, those that last and those that are over, by number."""
         self.until(lambda: "faults" in self._latest, what="no list of faults came")
-        return list(self._latest["faults"].faults)
+        return list(self._message("faults").faults)
 
     @property
     def time(self) -> float:
@@ -199,13 +202,14 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         self._listened.append(listened)
         return messages
 
-    def observe(self, observer: Callable[[str, Any, int], object], *others: str) -> None:
-        """Call a function with topic, message and publishing time [ns] of latched topics.
+    def observe(self, observer: Callable[[str, Any, int], object], *topics: str) -> None:
+        """Call a function with topic, message and publishing time [ns] of the drill's topics.
 
-        They are status, faults, journal and command_results, and ``others`` of the drill.
+        Without any they are status, faults, journal and command_results.
         """
-        self._observer = observer
-        self._follow(*others)
+        topics = topics or _FOLLOWED
+        self._observers |= dict.fromkeys(topics, observer)
+        self._follow(*(name for name in topics if name not in self._followed))
 
     def telemetry(self, topics: Iterable[str]) -> FastTopics:
         """Subscribe to fast topics: see ``FastTopics``."""
@@ -406,11 +410,21 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         """Subscribe to latched topics of the drill."""
         for topic in topics:
             kind = msg.CommandResults if topic == _RESULTS else message_class(TOPICS[topic].type)
-            sink = partial(self._on_message, topic, kind)
+            sink = partial(self._on_message, topic)
             self._followed[topic] = self.subscribe(kind, topic, sink, _LATCHED)
 
-    def _on_message(self, topic: str, kind: Any, data: bytes, published: int, _: int) -> None:
-        message = deserialize_message(data, kind)
+    def _message(self, topic: str) -> Any:
+        """Return the latest message of a followed topic, of which there is one."""
+        latest = self._latest[topic]
+        if isinstance(latest, bytes):
+            try:
+                latest = deserialize_message(latest, self._followed[topic].kind)
+            except RuntimeError as error:  # rclpy raises it at a malformed message
+                raise ClientError(f"the latest message of {topic}: {raised(error)}") from error
+            self._latest[topic] = latest
+        return latest
+
+    def _on_message(self, topic: str, data: bytes, published: int, _: int) -> None:
         if topic == "status":
             number = self._followed[topic].number or 0
             if number < self.status_number:  # of another process
@@ -418,10 +432,11 @@ class DrillClient(DeclaredAttributes, ListeningNode):
             self._numbers.append(number)
             if number < self._shown:
                 return
-        self._latest[topic] = message
+        self._latest[topic] = data
         if topic == _RESULTS:
-            self._commands.take(message)
-        self._observer(topic, message, published)
+            self._commands.take(self._message(topic))
+        if topic in self._observers:
+            self._observers[topic](topic, self._message(topic), published)
 
     def _check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing."""

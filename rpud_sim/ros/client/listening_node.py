@@ -135,9 +135,11 @@ class ListeningNode:
         clients = list(self.node.clients)
         subscriptions = [topic.subscription for topic in self._topics]
         arrived = self._waiting.wait(seconds, subscriptions, clients)
-        if arrived:
-            self.take()
-            for client in clients:
+        for topic in self._topics:
+            if topic.subscription in arrived:
+                self._guarded(topic.take)
+        for client in clients:
+            if client in arrived:
                 self._guarded(take_responses, client)
         if not arrived or time.monotonic() >= self._served_at + POLL_PERIOD:
             # What else the node has: events, and what its owner has subscribed by itself.

@@ -270,23 +270,24 @@ class StatusReporter:
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
         )
-        values = {
-            **power.fields,
-            **timing,
-            **status.fields,
+        if self._publishers.diagnosed:
+            self._diagnose(run, {**power.fields, **timing, **status.fields})
+        self._rests_until = time.monotonic_ns() + round(CHANGE_PERIOD * SECOND)
+
+    def _diagnose(self, run: Run, values: Fields) -> None:
+        """Make the diagnostics of the latest report, which take longer than the report itself."""
+        assert self.last is not None  # it is the latest report
+        values |= {
             **self._measured,
             "requests_refused": self.last.requests_refused,
             "last_refusal": self.last.last_refusal,
             "scheduling": self.scheduling,
-            "duplicates": self._duplicates.count(),
-            "journal_dropped": self._count_forgotten(),
         }
         entries = diagnose(run, values, self._period)
         for entry in entries:
             entry["name"] = f"{self._node.get_fully_qualified_name()}: {entry['name']}"
         stamp = time_fields(self._node.get_clock().now().nanoseconds)
         self._diagnostics = {"header": {"stamp": stamp, "frame_id": ""}, "status": entries}
-        self._rests_until = time.monotonic_ns() + round(CHANGE_PERIOD * SECOND)
 
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics of the latest report, unless that was done."""
@@ -314,7 +315,11 @@ class StatusReporter:
         self._totals.merge(self._interval)
         self._interval = Metrics()
         impact_delays, self.impact_delays = self.impact_delays, DelayHistogram()
-        self._measured = pacer.read()
+        self._measured = {
+            **pacer.read(),
+            "duplicates": self._duplicates.count(),
+            "journal_dropped": self._count_forgotten(),
+        }
         for name, delays in ("command", self._inbox.take_delays()), ("impact", impact_delays):
             self._measured[f"{name}_delay_p50"] = delays.quantile(0.5)
             self._measured[f"{name}_delay_p99"] = delays.quantile(0.99)

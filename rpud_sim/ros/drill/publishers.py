@@ -109,6 +109,11 @@ class DrillPublishers:
         """Messages of each topic since its publisher exists, as the middleware numbers them."""
         return {name: self._published[name] for name in self.own}
 
+    @property
+    def diagnosed(self) -> bool:
+        """Whether anyone subscribes to the diagnostics."""
+        return bool(self._others["/diagnostics"].publisher.get_subscription_count())
+
     def undelivered(self) -> dict[str, bool]:
         """Return lines about messages that a subscriber may lack, new since the last call.
 

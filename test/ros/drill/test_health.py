@@ -6,6 +6,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Timing
+from support import until
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.health import StatusReporter, diagnose
@@ -99,6 +100,10 @@ class Drill:
         send = self.outputs._send
         self.outputs._send = lambda *message: self.sent(*message) or send(*message)
 
+    def subscribe_to_diagnostics(self):
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", print, 10)
+        until(lambda: self.outputs.diagnosed)
+
     def sent(self, name, message):
         if name == "/diagnostics":
             self.diagnostics.append(deserialize_message(message, DiagnosticArray))
@@ -130,6 +135,7 @@ def figures(*blocks):
 
 
 def test_status_and_diagnostics_tell_of_the_drill(drill):
+    drill.subscribe_to_diagnostics()
     assert (drill.reporter.last, drill.reporter.refused_more()) == (None, False)
     first = drill.advance(1)
     drill.run.apply(WeightOnBit(30.0))
@@ -169,6 +175,13 @@ def test_status_and_diagnostics_tell_of_the_drill(drill):
     # Nothing that this drill does not have.
     assert not {"feed_rate [m/s]", "depth [m]", "coupling_power [W]"} & values.keys()
     assert {*filled(Timing(), report.timing).get_fields_and_field_types()} == {*report.timing}
+
+
+def test_without_a_subscriber_there_are_no_diagnostics(drill):
+    drill.advance(1)
+    drill.report()
+    drill.reporter.publish_diagnostics()
+    assert drill.diagnostics == []
 
 
 def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):
