@@ -213,7 +213,7 @@ help: ## Show this help
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)
 	@echo "Building the messages ..."
 	@rm -rf build/rpud_msgs install/rpud_msgs # else messages that were removed stay
-	@$(COLCON_BUILD) rpud_msgs
+	@export PYTHONPATH="$$PWD/toolchain/parse_once$${PYTHONPATH:+:$$PYTHONPATH}" && $(COLCON_BUILD) rpud_msgs
 	@touch $@
 
 # What is up to date already is found and left. A kernel comes from the sources of the model, and from those that call it.
