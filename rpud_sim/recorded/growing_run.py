@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from rpud_sim.messages.batch import Batch
@@ -15,12 +15,13 @@ class GrowingRun:
     """Run that advances with the changes that become known, from those of a plan on.
 
     A topic that is asked for the first time is computed from the beginning, and from then on
-    together with the others.
+    together with the others and with ``topics``.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, topics: Iterable[str] = ()) -> None:
         self._beginning, self._changes = plan, [*plan.changes]
-        self._new: dict[str, list[Batch]] = {}  # messages that nobody has, of topics asked for
+        # messages that nobody has, by topic
+        self._new: dict[str, list[Batch]] = {topic: [] for topic in topics}
         self.run = Run(plan, None, self._new.__contains__)  # to be read
 
     def advance(self, changes: Sequence[Change], end: int) -> None:

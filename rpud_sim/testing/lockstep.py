@@ -173,6 +173,7 @@ class Lockstep:
         If a topic of the drill is also received, its messages must equal the computed ones.
         """
         name = self._collector.resolve(topic)
+        self._computed.refresh()  # a reset makes its topics new
         computed, heard = self._computed.topics.get(name), self._collector.topics.get(name)
         if heard is not None and heard.numbered_alone:
             self._await_published()

@@ -136,3 +136,11 @@ def test_faults_that_another_client_injects_are_computed(drill):
     assert [entry.kind for entry in drill.messages("journal")] == [
         *("begin", "origin", "inject", "clear_all", "weight_on_bit")
     ]
+
+
+def test_right_after_a_reset_nothing_of_before_is_left(drill):
+    drill.step(0.1)
+    assert len(drill.messages("nodal_plane")) > 9
+    drill.reset()
+    assert len(drill.messages("nodal_plane")) <= 1
+    assert all(each.header.stamp.nanosec == 0 for each in drill.messages("nodal_plane"))
