@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import contextmanager
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -59,19 +60,18 @@ class Requests:
         """Have an action done; return its result, or that of a Future; raise what it raises."""
         if threading.current_thread() is self._server:
             return action()
-        result: Any = Future()
+        result: Future[Any] = Future()
         self._waiting.append((action, result))
         self._notify()
-        while isinstance(result, Future):
+        while True:
             closed = self._closed
             try:
-                result = result.result(_POLL_PERIOD)
+                return result.result(_POLL_PERIOD)
             except FutureTimeoutError:
                 if result.done():  # just now, or with a timeout of its own
-                    result = result.result()
-                elif closed:
+                    return result.result()
+                if closed:
                     raise RequestError(self._stopped) from None
-        return result
 
     def serve(self) -> None:
         """Do what waits; the calling thread is the serving one."""
@@ -79,13 +79,26 @@ class Requests:
         while self._waiting:
             action, result = self._waiting.popleft()
             try:
-                result.set_result(action())
+                found = action()
             except Exception as error:  # for the thread that asked
                 result.set_exception(error)
+                continue
+            if isinstance(found, Future):  # the thread that asked is woken once, at its end
+                found.add_done_callback(partial(_pass_on, result))
+            else:
+                result.set_result(found)
 
     def close(self) -> None:
         """Serve no more: requests that wait raise a RequestError."""
         self._closed = True
+
+
+def _pass_on(result: Future[Any], source: Future[Any]) -> None:
+    """Give a future the result of another one that is done, or its error."""
+    if error := source.exception():
+        result.set_exception(error)
+    else:
+        result.set_result(source.result())
 
 
 def schedule_thread(priority: int) -> str:
