@@ -21,6 +21,9 @@ public:
   PressAndListen()
   : Node("press_and_listen", "rpud"), weight_(declare_parameter("force", 20.0))
   {
+    // command_results echoes the header. The results of earlier commands are latched: the name tells ours
+    // from a command without a header, the stamp from one of an earlier process with the same name.
+    header_.frame_id = get_name();
     command_ = create_publisher<WeightOnBit>("command/weight_on_bit", 10);
     results_ = create_subscription<CommandResults>(
       "command_results", rclcpp::QoS(100).transient_local(),
@@ -38,13 +41,10 @@ private:
       return;
     }
     timer_->cancel();
+    header_.stamp = now();
     WeightOnBit message;
-    // command_results echoes the header. An earlier process may have had the same name, and its last
-    // results are latched: the stamp tells them apart.
-    message.header.frame_id = get_name();
-    message.header.stamp = now();
+    message.header = header_;
     message.force = weight_;
-    header_ = message.header;
     command_->publish(message);
   }
 
