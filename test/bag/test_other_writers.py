@@ -1,9 +1,8 @@
 """MCAP bags of ``ros2 bag record`` are read; for others one line names what converts them."""
 
 import shlex
-import subprocess
 import sys
-from pathlib import Path
+from importlib.metadata import entry_points
 
 import pytest
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
@@ -85,25 +84,31 @@ def test_mcap_is_read_with_its_offers_and_recovered(tmp_path, mode, compression)
         (StoragePlugin.MCAP, CompressionMode.MESSAGE),
     ],
 )
-def test_the_line_of_another_storage_names_what_makes_a_bag_of_it(tmp_path, storage, mode):
+def test_the_line_of_another_storage_names_what_makes_a_bag_of_it(
+    tmp_path, monkeypatch, storage, mode
+):
     path = write(tmp_path / "run", storage, mode)
     for read in (rpud_sim.bag.open, lambda place: recover(place, tmp_path / "out")):
         with pytest.raises(BagFormatError, match="rosbags-convert") as caught:
             read(path)
-    convert(str(caught.value), tmp_path / "new")
+    convert(monkeypatch, str(caught.value), tmp_path / "new")
     with rpud_sim.bag.open(tmp_path / "new") as bag:
         assert bag.message_count == 10
     assert not (tmp_path / "out").exists()
 
 
-def convert(line, out):
-    """Carry out the remedy that a line names."""
+def convert(monkeypatch, line, out):
+    """Carry out the remedy that a line names, in this process."""
     words = shlex.split(line[line.index("rosbags-convert") :].partition(" (")[0])
     words[words.index("NEW")] = str(out)
-    subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], check=True)
+    monkeypatch.setattr(sys, "argv", words)
+    [program] = entry_points(group="console_scripts", name=words[0])
+    with pytest.raises(SystemExit) as end:
+        sys.exit(program.load()())
+    assert not end.value.code
 
 
-def test_of_a_bag_of_ros_1_the_line_names_what_converts_it(tmp_path):
+def test_of_a_bag_of_ros_1_the_line_names_what_converts_it(tmp_path, monkeypatch):
     types = get_typestore(Stores.ROS1_NOETIC)
     with BagOfRos1(tmp_path / "run.bag") as writer:
         connection = writer.add_connection("/a", STRING, typestore=types)
@@ -111,7 +116,7 @@ def test_of_a_bag_of_ros_1_the_line_names_what_converts_it(tmp_path):
         writer.write(connection, START, types.serialize_ros1(message, STRING))
     with pytest.raises(BagFormatError, match="is a bag of ROS 1") as caught:
         rpud_sim.bag.open(tmp_path / "run.bag")
-    convert(str(caught.value), tmp_path / "new")
+    convert(monkeypatch, str(caught.value), tmp_path / "new")
     with rpud_sim.bag.open(tmp_path / "new") as bag:
         assert bag.arrays("/a")["data"].tolist() == ["hi"]
 

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 from campaign_results import CAMPAIGN
-from support import rpud
+from support import called, rpud
 
 
 @pytest.fixture
@@ -41,17 +41,17 @@ def test_a_requirement_that_no_run_decides_gives_1_and_a_failed_one_3(campaign, 
         (("--lff",), "unrecognized arguments: --lff"),
     ],
 )
-def test_a_wrong_call_starts_nothing(campaign, tmp_path, words, message):
-    result = rpud("test", campaign, "--out", tmp_path / "out", *words)
-    assert result.returncode == 2
-    assert message in result.stdout + result.stderr
+def test_a_wrong_call_starts_nothing(capsys, campaign, tmp_path, words, message):
+    code, *texts = called(capsys, "test", campaign, "--out", tmp_path / "out", *words)
+    assert code == 2
+    assert message in "".join(texts)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_mistake_in_the_file_starts_nothing(campaign, tmp_path):
+def test_a_mistake_in_the_file_starts_nothing(capsys, campaign, tmp_path):
     campaign.write_text(CAMPAIGN.replace("kind: free_mass_jammed", "kind: free_mass_jamed"))
-    result = rpud("test", campaign, "--out", tmp_path / "out")
-    assert (result.returncode, result.stdout) == (2, "")
-    assert result.stderr.startswith(f"rpud test: {campaign}:10: ")
-    assert "did you mean free_mass_jammed?" in result.stderr
+    code, output, errors = called(capsys, "test", campaign, "--out", tmp_path / "out")
+    assert (code, output) == (2, "")
+    assert errors.startswith(f"rpud test: {campaign}:10: ")
+    assert "did you mean free_mass_jammed?" in errors
     assert not (tmp_path / "out").exists()

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 from sample_bags import write_bag
-from support import called
+from support import called, extended
 
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
 from rpud_sim.cli.options import DECLARED
@@ -91,11 +91,11 @@ def test_help_loads_neither_numpy_nor_ros():
     ("program", "words"),
     [
         ("rpud run", ["--duration", "1"]),
-        ("rpud record", ["--out", "bag"]),
-        ("rpud replay", ["bag"]),
+        extended("rpud record", ["--out", "bag"]),
+        extended("rpud replay", ["bag"]),
         ("drill_node", []),
-        ("recorder", ["--out", "bag"]),
-        ("replayer", ["bag"]),
+        extended("recorder", ["--out", "bag"]),
+        extended("replayer", ["bag"]),
     ],
 )
 def test_what_needs_ros_says_so_in_one_line_where_there_is_none(lacking, program, words):
@@ -110,7 +110,12 @@ def test_what_needs_ros_says_so_in_one_line_where_there_is_none(lacking, program
 
 
 @pytest.mark.parametrize(
-    "words", [["--help"], ["simulate", "--help"], ["simulate", "--duration", "0.1", "--json"]]
+    "words",
+    [
+        ["simulate", "--help"],
+        extended(["--help"]),
+        extended(["simulate", "--duration", "0.1", "--json"]),
+    ],
 )
 def test_a_reader_that_has_gone_is_no_failure(words):
     reading, writing = os.pipe()
@@ -144,7 +149,7 @@ def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatc
     assert errors.endswith(line)
 
 
-@pytest.mark.parametrize("buffered", [True, False])
+@pytest.mark.parametrize("buffered", [True, extended(False)])
 @pytest.mark.parametrize(
     ("redirection", "reason"),
     [("> /dev/full", "No space left on device"), (">&-", "Bad file descriptor")],

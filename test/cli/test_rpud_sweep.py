@@ -4,6 +4,7 @@ import json
 
 import pandas
 import pytest
+from support import extended
 
 import rpud_sim
 
@@ -11,7 +12,7 @@ WORDS = ("sweep", "--duration", 0.2, "--seeds", 2)
 GRID = ("--set", "weight_on_bit=5,20", "--set", "contact_model=given,rayleigh")
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("ending", ["csv", extended("parquet")])
 def test_a_grid_is_a_file_with_a_row_for_each_run(rpud, tmp_path, ending):
     file = tmp_path / f"runs.{ending}"
     code, output, errors = rpud(*WORDS, *GRID, "--out", file)
@@ -42,6 +43,7 @@ def test_points_of_a_csv_file_go_with_values(rpud, tmp_path):
     assert healthy != jammed
 
 
+@pytest.mark.extended
 def test_there_is_a_picture_of_each_figure(rpud, tmp_path):
     code, *_ = rpud(*WORDS, *GRID, "--plots", tmp_path / "plots")
     assert code == 0

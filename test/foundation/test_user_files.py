@@ -2,10 +2,9 @@
 
 import os
 import socket
-import subprocess
-import sys
 
 import pytest
+from support import called
 
 from rpud_sim.foundation.atomic_folder import write_atomic
 from rpud_sim.foundation.user_files import named_errors, open_file, read_file
@@ -60,12 +59,12 @@ def test_errors_of_an_open_file_have_the_path(tmp_path):
     ],
     ids=" ".join,
 )
-def test_no_command_waits_for_a_writer(tmp_path, words):
-    (tmp_path / "bag").mkdir()
-    for name in ("fifo", "fifo.yaml", "bag/metadata.yaml"):
-        os.mkfifo(tmp_path / name)
-    call = [sys.executable, "-m", "rpud_sim.cli.main", *words]
-    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert done.returncode
-    assert "regular file" in done.stderr + done.stdout
-    assert "Traceback" not in done.stderr
+@pytest.mark.timeout(60)
+def test_no_command_waits_for_a_writer(tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    for name in ("fifo", "fifo.yaml"):
+        os.mkfifo(name)
+    code, *texts = called(capsys, *words)
+    assert code
+    assert "regular file" in "".join(texts)
+    assert "Traceback" not in "".join(texts)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -20,6 +20,9 @@ from rpud_sim.cli.main import main
 from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.messages.batch import Batch
+from rpud_sim.model import engine
+from rpud_sim.model.engine import initial_state
+from rpud_sim.model.tolerances import GREATEST_EFFORT
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
 from rpud_sim.simulation.plan import JournalEntry
 
@@ -38,12 +41,17 @@ PATIENCE = 100.0
 
 SECOND = 1_000_000_000
 MANY_EXAMPLES = os.environ.get("RPUD_EXAMPLES") == "many"
-FEW = 8
+FEW = 5
 
 
 def examples(count: int) -> int:
-    """Number of examples that a property draws: `count` in `make test-all`, else 8 at most."""
+    """Number of examples that a property draws: `count` in `make test-all`, else few."""
     return count if MANY_EXAMPLES else min(count, FEW)
+
+
+def extended(*values: object) -> object:
+    """Parameters of a further case, which `make test-all` runs."""
+    return pytest.param(*values, marks=pytest.mark.extended)
 
 
 def real_time_permitted() -> bool:
@@ -76,6 +84,17 @@ def refusal(make: Callable[..., object], *arguments: object) -> str:
     assert text
     assert "\n" not in text
     return text
+
+
+def exhaust(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every drill begin beyond its budget of events."""
+
+    def exhausted(*arguments: Any) -> np.ndarray:
+        state = initial_state(*arguments)
+        state["effort"] = 2.0 * GREATEST_EFFORT
+        return state
+
+    monkeypatch.setattr(engine, "initial_state", exhausted)
 
 
 def rpud(*words: object) -> subprocess.CompletedProcess[str]:

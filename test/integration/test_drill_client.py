@@ -171,12 +171,3 @@ def test_two_living_drills_are_refused_a_killed_one_is_not_and_none_is_noticed(s
             drill.press(30.0)
         with pytest.raises(NoAnswerError, match=r"/twins/simulation/step did not answer within"):
             drill.step(1.0)
-
-
-def test_an_inactive_drill_refuses_and_one_that_is_not_configured_says_so(start_drill):
-    start_drill("/idle", "waiting for the transitions", autostart=False)
-    with (
-        DrillClient("/idle", patience=1.5) as drill,
-        pytest.raises(NoDrillError, match=r"published no status within 1.5 s: it is still "),
-    ):
-        drill.press(1.0)

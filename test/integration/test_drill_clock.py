@@ -107,6 +107,7 @@ def test_it_goes_and_stands_with_the_clock_and_restarts_when_that_goes_back(dril
     client.until(lambda: "/clock has 2 publishers, " in drill.output)
 
 
+@pytest.mark.extended
 def test_a_signal_ends_it_while_it_waits(drill):
     drill.terminate()
     assert drill.wait() == 0

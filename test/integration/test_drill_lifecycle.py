@@ -14,6 +14,9 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rpud_msgs.msg import Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import ListFaults, StepSimulation
+from support import extended
+
+from rpud_sim.ros.client import DrillClient, NoDrillError
 
 NODE = "/managed/drill_node"
 PARAMETERS = {"autostart": False, "start_paused": True, "publish_clock": True}
@@ -76,6 +79,11 @@ def test_without_autostart_it_waits_and_refuses_requests_with_that_reason(client
     assert (engaged.success, engaged.message) == (False, "the node has not been configured")
     assert client.call(ListFaults, "list_faults", ListFaults.Request()).faults == []
     assert client.node.count_publishers("/managed/nodal_plane") == 0
+    with (
+        DrillClient("/managed", patience=1.5) as commander,
+        pytest.raises(NoDrillError, match=r"published no status within 1.5 s: it is still "),
+    ):
+        commander.press(1.0)
 
 
 def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
@@ -142,7 +150,7 @@ def test_what_is_set_while_it_is_unconfigured_is_in_force_at_the_next_activation
 @pytest.mark.parametrize(
     ("before", "transition"),
     [
-        ((), Transition.TRANSITION_UNCONFIGURED_SHUTDOWN),
+        extended((), Transition.TRANSITION_UNCONFIGURED_SHUTDOWN),
         ((CONFIGURE, ACTIVATE), Transition.TRANSITION_ACTIVE_SHUTDOWN),
     ],
 )

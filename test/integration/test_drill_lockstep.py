@@ -81,6 +81,7 @@ def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
     assert unknown.error_message == "state 9 is unknown"
 
 
+@pytest.mark.extended
 def test_a_signal_ends_a_step_and_its_client_gets_an_answer(start_drill, connect):
     process = start_drill("/ended", **PARAMETERS)
     client = connect("/ended")

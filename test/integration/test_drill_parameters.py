@@ -4,12 +4,11 @@ import re
 
 import pytest
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import (
-    GetParameters,
-)
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import qos_profile_parameter_events
 from rpud_msgs.msg import Result
 from rpud_msgs.srv import ResetSimulation
+from support import extended
 
 from rpud_sim.simulation.configuration import CHANGEABLE
 
@@ -44,8 +43,8 @@ def get(client, *names):
             ["-p", "wieght_on_bit:=18.0"],
             r"drill_node: wieght_on_bit is not a parameter; did you mean weight_on_bit\?",
         ),
-        ("drill_node", ["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
-        ("recorder", ["-p", "use_sim_time:=maybe"], ".*use_sim_time.*"),
+        extended("drill_node", ["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
+        extended("recorder", ["-p", "use_sim_time:=maybe"], ".*use_sim_time.*"),
     ],
 )
 def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(

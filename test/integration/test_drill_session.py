@@ -161,6 +161,7 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_and_is_named_at_the_end(
     assert "bag: " not in running.output
 
 
+@pytest.mark.extended
 def test_frames_and_joints_have_their_prefix_and_the_bag_is_proved(tmp_path, capsys):
     bag = tmp_path / "bag"
     on = ("feed_model=arm", "rotation_model=friction_drive", "publish_robot_description=true")

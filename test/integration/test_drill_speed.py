@@ -61,6 +61,7 @@ def test_the_status_is_latched_for_who_comes_late_and_comes_each_second(client):
     assert client.status[-1].impacts > status.impacts
 
 
+@pytest.mark.extended
 def test_a_factor_of_zero_waits_for_its_listeners(client):
     # Python hears slower than the drill drills: what waits for it is in its own queue.
     impacts = client.listen("contact_force", QoSProfile(depth=1_000_000))

@@ -153,6 +153,7 @@ print("compiled:", STORE.written)
 """
 
 
+@pytest.mark.extended
 def test_no_command_compiles_what_the_installed_kernels_should_have(tmp_path):
     """In two processes: this one may have compiled what is missing in the folder."""
     shipped, words = tmp_path / "shipped", {"cwd": tmp_path, "capture_output": True, "text": True}

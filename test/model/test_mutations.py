@@ -11,6 +11,7 @@ import pytest
 
 import rpud_sim
 
+pytestmark = pytest.mark.extended
 PACKAGE = Path(rpud_sim.__file__).parent
 CHECKS = Path(__file__).with_name("test_equations.py")
 # equation, the file it is in, its text, what becomes of it

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-from support import MANY_EXAMPLES, examples
+from support import MANY_EXAMPLES, examples, extended
 from trajectories import DRILL_TOOL, FREE_MASS, TIP, finished, gap, motion
 
 from rpud_sim.model.closed_form import turn_at
@@ -32,6 +32,8 @@ CASES = {
     "drilling, grazing": ("drilling", {"vibration_amplitude": 2e-6, "weight_on_bit": 40.0}),
     "drilling, sticky": ("drilling", {"actuator_restitution": 0.0, "gravity": 1.62}),
 }
+
+MAIN = ("free", "drilling", "drilling, sticky")
 
 
 def force_on_tool(drill, segment, times):
@@ -107,7 +109,7 @@ def test_no_guard_is_negative_before_the_event(case):
             assert lowest(guard, segment["duration"], samples) > -allowed, name
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [*MAIN, *(extended(each) for each in CASES if each not in MAIN)])
 def test_impacts_are_exact_to_a_picosecond(case):
     _, segments = trajectory(*CASES[case])
     checked = 0

@@ -19,6 +19,7 @@ from forked_runs import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
+from support import examples, extended
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded import RecordingError
@@ -30,7 +31,7 @@ from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 from rpud_sim.simulation.topics import PROVED
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), run=st.integers(1, 2))
 def test_without_a_change_it_is_the_rest_of_the_run(used, place, run):
     path, published = used.path, used.published
@@ -48,7 +49,7 @@ def test_without_a_change_it_is_the_rest_of_the_run(used, place, run):
         assert forked == rest, topic
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(place=st.floats(0.0, 1.0, exclude_max=True))
 def test_of_a_bag_without_ros_every_message_and_time_is_the_same(plain, place):
     time = int(place * 300 * MILLISECOND)
@@ -61,7 +62,7 @@ def test_of_a_bag_without_ros_every_message_and_time_is_the_same(plain, place):
     assert not forked.changed
 
 
-@pytest.mark.parametrize("at", [0.0, 0.0567, 0.1])
+@pytest.mark.parametrize("at", [extended(0.0), 0.0567, extended(0.1)])
 @pytest.mark.parametrize("run", [1, 2])
 def test_it_is_proved_itself_and_can_be_forked(used, tmp_path, at, run):
     path = used.path

@@ -31,6 +31,7 @@ def test_another_middleware_is_named_and_nothing_ends_with_a_code_of_the_library
     )
 
 
+@pytest.mark.extended
 def test_pytest_goes_on_beside_another_middleware(tmp_path):
     (tmp_path / "test_two.py").write_text(
         "def test_one(): pass\ndef test_drill(drill): pass\ndef test_three(): pass\n"

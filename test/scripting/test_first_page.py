@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded_bags import SECOND, ForceRecorder
+from support import extended
 
 import rpud_sim
 from rpud_sim.simulation.configuration import Settings
@@ -89,7 +90,7 @@ def test_runs_in_memory_are_verified_and_compared(tmp_path):
         assert rpud_sim.compare(bag.runs[0], run).settings == ()
 
 
-@pytest.mark.parametrize("values", [{}, ARM], ids=["drilling", "arm"])
+@pytest.mark.parametrize("values", [{}, extended(ARM)])
 def test_a_saved_run_has_the_same_face_and_is_proved(tmp_path, values):
     faults = ["lost_preload", {"kind": "noise", "channel": "wrench", "onset": 0.2}]
     run = rpud_sim.simulate(1.013, seed=5, faults=faults, **values)

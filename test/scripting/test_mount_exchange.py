@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
-from support import examples
+from support import examples, extended
 
 import rpud_sim
 
@@ -114,7 +114,7 @@ def light_arm(mass, step, implicit):
     return max(speeds[len(speeds) // 2 :])
 
 
-LIGHT = [(0.01, 2.5e-4), (0.02, 5e-4), (0.05, 2e-3), (0.05, 4e-3), (0.01, 4e-3)]
+LIGHT = [extended(0.01, 2.5e-4), extended(0.02, 5e-4), (0.05, 2e-3), (0.05, 4e-3), (0.01, 4e-3)]
 
 
 @pytest.mark.parametrize(("mass", "step"), LIGHT)

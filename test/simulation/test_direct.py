@@ -10,6 +10,7 @@ import pytest
 from direct_drill import APART, HARD, STRIKE, arm_figures, resonant_figures
 from scipy.stats import t
 from silent_drill import SilentDrill, plans_of
+from support import extended
 
 from rpud_sim.drilling.process import STIFFEST, Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
@@ -61,6 +62,7 @@ def differ(one, other, share):
     return abs(one.mean(axis=0) - other.mean(axis=0)) > least
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("values", [SOFT, STIFF, TOUCHING], ids=["soft", "stiff", "touching"])
 def test_the_force_of_an_arm_is_that_of_a_direct_integration_and_of_half_the_step(
     monkeypatch, values
@@ -139,6 +141,7 @@ def test_random_arms_are_as_with_half_the_step_and_as_a_direct_integration(monke
 HOPPING = {"load_spring_rate": 1e5, "initial_feed": 6e-4}
 
 
+@pytest.mark.extended
 def test_a_drill_that_hops_on_a_stiff_arm_meets_the_rock_ahead_of_its_tip():
     """Else the rock takes hold of the tool only slowly: in half of the phases 17 or 22 N."""
     direct = np.mean([arm_figures(made(HOPPING), phase, 1.5)[0] for phase in PHASES])
@@ -146,6 +149,7 @@ def test_a_drill_that_hops_on_a_stiff_arm_meets_the_rock_ahead_of_its_tip():
         assert member.metrics.values()["reacting_force_mean"] == pytest.approx(direct, rel=0.05)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("weight", [15.0, 30.0])
 def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
     configuration = to_configuration(
@@ -166,8 +170,8 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
     assert abs(amplitude - direct) < 0.05 * direct + 1.5e-6
 
 
-@pytest.mark.parametrize("mass", [0.02, 0.05])
-@pytest.mark.parametrize("phase", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("mass", [0.02, extended(0.05)])
+@pytest.mark.parametrize("phase", [0.1, extended(0.5), extended(0.9)])
 def test_a_drill_before_drilling_vibrates_as_a_direct_oscillator(mass, phase):
     """Its contacts stop the vibration in many phases; half a cycle later it must go on."""
     configuration = to_configuration(

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from drill_configurations import SANDSTONE
 from silent_drill import plans_of
+from support import exhaust
 
-from rpud_sim.model import compile, engine
+from rpud_sim.model import compile
 from rpud_sim.model.compile import compilation_notice
-from rpud_sim.model.engine import EngineError, initial_state
-from rpud_sim.model.tolerances import GREATEST_EFFORT
+from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import Configuration
@@ -125,13 +125,7 @@ def test_members_are_runs_of_a_simulation(actuator):
 @pytest.mark.parametrize("duration", [0.01, 11.0])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_failure_has_the_words_of_a_simulation(monkeypatch, duration, threads):
-    def tired(*arguments):
-        """Give a state beyond its budget of events."""
-        state = initial_state(*arguments)
-        state["effort"] = 2.0 * GREATEST_EFFORT
-        return state
-
-    monkeypatch.setattr(engine, "initial_state", tired)
+    exhaust(monkeypatch)
     drill = PARAMETERS.replace(free_mass=1e-6)
     with pytest.raises(EngineError, match="free_mass = 1e-06 kg") as expected:
         Simulation(drill, 0.25).advance_to(MILLISECOND)

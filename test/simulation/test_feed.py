@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from silent_drill import SilentDrill
-from support import examples, refusal
+from support import examples, extended, refusal
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
 from rpud_sim.drilling.inputs import NO_PULSES, Pulses
@@ -111,7 +111,7 @@ def test_all_accounts_close(drill, stiffness, damping, play, anchoring, start, r
         assert abs(rotation.work.residual) < 1e-11 * rotation.work.drive
 
 
-@pytest.mark.parametrize("weight", [2.0, 10.0, 40.0])
+@pytest.mark.parametrize("weight", [extended(2.0), 10.0, extended(40.0)])
 def test_the_bit_cuts_with_the_force_that_the_impacts_give_the_rock(weight):
     drill = {"rotation_model": "friction_drive", "strata": "sandstone", "bit_wear_rate": 0.0}
     simulation = made(**drill, weight_on_bit=weight)

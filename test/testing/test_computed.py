@@ -3,6 +3,7 @@
 import itertools
 
 import pytest
+from support import extended
 
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.topics import PROVED, offered_topics
@@ -48,11 +49,10 @@ def fly(drill, act):
     ("values", "act"),
     [
         ({}, lambda drill: drill.press(20.0)),
-        ({"regime": "free", "weight_on_bit": 0.0}, lambda drill: drill.press(20.0)),
+        extended({"regime": "free", "weight_on_bit": 0.0}, lambda drill: drill.press(20.0)),
         (ARM, lambda drill: drill.feed(rate=0.001)),
-        ({**ARM, "feed_model": "given"}, lambda drill: drill.move(0.006, 0.001)),
+        extended({**ARM, "feed_model": "given"}, lambda drill: drill.move(0.006, 0.001)),
     ],
-    ids=["drilling", "free", "arm", "given"],
 )
 def test_every_topic_has_the_bits_that_came_over_dds(drill_factory, values, act):
     drill = drill_factory(**values, faults=FAULTS, seed=7)

@@ -1,6 +1,7 @@
 """Processes that are kept rest between tests, and nothing of a test reaches the next one."""
 
 import pytest
+from support import extended
 
 from rpud_sim.testing import SystemUnderTestError
 
@@ -53,7 +54,7 @@ def test_other_arguments_start_another_process(drill):
     assert not second.running
 
 
-@pytest.mark.parametrize("end", ["ends", "kill", "pause"])
+@pytest.mark.parametrize("end", [extended("ends"), "kill", extended("pause")])
 def test_a_process_that_does_not_rest_is_started_again(drill, end):
     first = start(drill, "ends" if end == "ends" else "leaves")
     if end != "ends":
@@ -90,6 +91,7 @@ def test_a_service_that_the_node_does_not_have_is_named(drill):
         drill.start("python", NODE, "leaves", subscribes_to=TOPICS, keep="resting/part", timeout=5)
 
 
+@pytest.mark.extended
 def test_those_that_rest_longest_end(drill):
     started = []
     for number in range(4):

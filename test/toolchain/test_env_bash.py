@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from support import extended
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -13,7 +14,7 @@ pytestmark = pytest.mark.skipif(
     not (ROOT / ".venv").exists(), reason="set up without make, as a ROS workspace"
 )
 PROFILE = f"42 SYSTEM_DEFAULT {ROOT}/config/fastdds_loopback.xml"
-shells = pytest.mark.parametrize("shell", ["bash", "zsh", "dash", "sh"])
+shells = pytest.mark.parametrize("shell", ["bash", extended("zsh"), "dash", extended("sh")])
 
 
 def run(

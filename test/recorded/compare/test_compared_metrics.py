@@ -67,6 +67,7 @@ def pairs_that_differ(first, second, duration, pairs):
     )
 
 
+@pytest.mark.extended
 def test_false_alarms_are_as_rare_as_it_says():
     # With 5 % and 100 pairs, more than 13 alarms have a probability of 0.05 %.
     assert pairs_that_differ(DRILLING, DRILLING, 2, 100) <= 13

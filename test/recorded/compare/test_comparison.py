@@ -6,7 +6,7 @@ import math
 import pytest
 from altered_bags import altered, merged, unchanged
 from sample_bags import write_offline_bag
-from support import called
+from support import called, extended
 
 import rpud_sim.bag as bags
 from rpud_sim.foundation.time import SECOND
@@ -74,8 +74,15 @@ def test_the_first_difference_is_found_to_the_field(made, tmp_path):
     assert not found.equal_bits
 
 
-@pytest.mark.parametrize("most", [64 * 2**20, 10_000])
-@pytest.mark.parametrize("part", ["early", "late"])
+@pytest.mark.parametrize(
+    ("part", "most"),
+    [
+        ("early", 64 * 2**20),
+        ("late", 10_000),
+        extended("early", 10_000),
+        extended("late", 64 * 2**20),
+    ],
+)
 def test_a_recording_of_a_part_is_compared_as_far_as_it_goes(
     made, tmp_path, monkeypatch, part, most
 ):

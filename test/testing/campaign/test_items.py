@@ -92,5 +92,5 @@ def test_other_yaml_files_are_not_collected(pytester):
     for number, text in enumerate(texts):
         (pytester.path / f"other_{number}.yaml").write_text(text, encoding="latin-1")
     pytester.makepyfile("def test_a(): pass")
-    run(pytester).assert_outcomes(passed=1)
+    pytester.runpytest_inprocess("--rpud-artefacts=left").assert_outcomes(passed=1)
     assert not (pytester.path / "left").exists()

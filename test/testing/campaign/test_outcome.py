@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support import extended
 
 from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_runs import run_once
@@ -74,7 +75,7 @@ def test_a_system_that_dies_is_a_verdict_with_its_last_lines(attempt):
     ("how", "ending", "text"),
     [
         ("hangs", "silent", "the supervisor hangs"),
-        ("lags", "late", "whose last answer is for 0.300 s"),
+        extended("lags", "late", "whose last answer is for 0.300 s"),
     ],
 )
 def test_a_system_that_does_not_answer_in_time_is_a_verdict(attempt, how, ending, text):
