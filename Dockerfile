@@ -12,7 +12,7 @@ WORKDIR /rpud_sim
 COPY Makefile colcon_defaults.yaml ./
 COPY toolchain toolchain
 COPY msg_defs msg_defs
-RUN make install/.messages .venv/.rest && rm -rf /root/.cache/pip
+RUN make install/.messages .venv/.extras && rm -rf /root/.cache/pip
 
 FROM dependencies AS kernels
 COPY . .

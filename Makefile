@@ -16,6 +16,7 @@ STARTS ?= 500
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
 LOCK := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros,wheels).lock
 REST := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros_,)rest.lock
+EXTRAS := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros_,)extras.lock
 
 # Python compiles a module when it is first imported: pip would do it for all, most of which are never imported here.
 PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --no-compile
@@ -34,7 +35,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 ##@ Use
 .PHONY: setup
-setup: install/.package .venv/.rest install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
+setup: install/.package .venv/.extras install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
 	@echo "Ready: 'make run' drills, 'source env.bash' puts rpud into this shell, 'make help' lists the rest."
 
 .PHONY: run
@@ -103,7 +104,7 @@ release: install/.package .venv/.rest install/.kernels ## Make and check all fil
 	@$(WITH_ENV) python -m toolchain.release
 
 .PHONY: bench
-bench: install/.package .venv/.rest install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
+bench: install/.package .venv/.extras install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
 .PHONY: validation
@@ -136,7 +137,7 @@ soak: install/.package .venv/.rest ## Drill for DURATION seconds (1800) under a 
 fuzz: N = 100000
 fuzz: BAGS = 20000
 fuzz: SEED = 0
-fuzz: install/.package .venv/.rest ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
+fuzz: install/.package .venv/.extras ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
 	@$(WITH_ENV) python -m tools.fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
 .PHONY: signatures
@@ -178,14 +179,20 @@ help: ## Show this help
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
 
-# What tests, sweeps, exports and comparisons need, and a drill does not.
+# What tests, sweeps and comparisons need, and a drill does not.
 .venv/.rest: $(REST) .venv/.installed
 	@echo "Installing packages of tests and sweeps into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@$(if $(PYTHONDONTWRITEBYTECODE),.venv/bin/python -W ignore toolchain/keep_bytecode.py _pytest xdist hypothesis coverage)
 	@touch $@
 
-.venv/.lint: toolchain/requirements/lint.lock .venv/.rest
+# What exports and pictures need: a quarter of all, so that `make test` does without. Only extended tests use it.
+.venv/.extras: $(EXTRAS) .venv/.rest
+	@echo "Installing packages of exports and pictures into .venv ..."
+	@$(call INSTALL,--only-binary :all: -r $<)
+	@touch $@
+
+.venv/.lint: toolchain/requirements/lint.lock .venv/.extras
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
@@ -194,7 +201,7 @@ help: ## Show this help
 	@if command -v npm > /dev/null; then mkdir -p .venv/typescript && cp toolchain/typescript/package*.json .venv/typescript && \
 	  npm ci --prefix .venv/typescript --ignore-scripts --no-audit --no-fund --silent && touch $@; fi
 
-.venv/.browser: toolchain/requirements/browser.lock .venv/.rest
+.venv/.browser: toolchain/requirements/browser.lock .venv/.extras
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 

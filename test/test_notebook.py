@@ -1,9 +1,10 @@
 """The notebook of the examples prints what it shows."""
 
 import json
+from importlib import import_module
 from pathlib import Path
 
-from toolchain.notebook import executed
+import pytest
 
 NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_look.ipynb"
 
@@ -21,8 +22,10 @@ def shown(notebook):
     ]
 
 
+@pytest.mark.extended
 def test_the_notebook_shows_what_its_cells_give():
     """The bits of a run are the same everywhere, and so are its digits; pictures may differ."""
+    executed = import_module("toolchain.notebook").executed
     kept = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
     assert len(shown(kept)) > 8
     assert shown(executed(kept)) == shown(kept), "python -m toolchain.notebook examples/*.ipynb"

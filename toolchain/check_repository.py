@@ -177,19 +177,21 @@ def pictures() -> Iterator[str]:
 
 
 def requirements() -> Iterator[str]:
-    """`make run` installs nothing that only tests and studies need."""
+    """`make run` installs nothing that only tests and studies need, `make test` no extras."""
     folder = ROOT / "toolchain" / "requirements"
 
-    def named(*files: str) -> set[str]:
-        text = "\n".join((folder / file).read_text(encoding="utf-8") for file in files)
+    def named(file: str) -> set[str]:
+        text = (folder / file).read_text(encoding="utf-8")
         return set(re.findall(r"^([a-z0-9][a-z0-9._-]*)", text, re.MULTILINE))
 
-    for lock, rest in (("wheels", "rest"), ("installed_ros", "installed_ros_rest")):
-        drill, further = named(f"{lock}.lock"), named(f"{rest}.lock")
-        wrong = named("drill.in") - drill, drill & further
-        wrong += (named("extras.in", "test.in") - {"pytest"} - further,)  # colcon needs pytest
+    for base, prefix in (("wheels", ""), ("installed_ros", "installed_ros_")):
+        locks = [f"{each}.lock" for each in (base, f"{prefix}rest", f"{prefix}extras")]
+        drill, rest, extras = map(named, locks)
+        wrong = named("drill.in") - drill, drill & rest, (drill | rest) & extras
+        # colcon needs pytest
+        wrong += named("test.in") - {"pytest"} - rest, named("extras.in") - extras
         yield from (
-            f"{lock}.lock and {rest}.lock: {name} is in the wrong one" for name in set.union(*wrong)
+            f"{' or '.join(locks)}: {name} is in the wrong one" for name in set.union(*wrong)
         )
 
 

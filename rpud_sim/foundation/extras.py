@@ -12,5 +12,5 @@ def import_extra(module: str, purpose: str, packages: str) -> Any:
         return import_module(module)
     except ModuleNotFoundError as error:
         missing = (error.name or module).partition(".")[0]
-        text = f"{purpose} needs {missing}: pip install {packages}"
+        text = f"{purpose} needs {missing}: pip install {packages}, or in a clone make setup"
         raise ModuleNotFoundError(text, name=missing) from None

@@ -27,6 +27,7 @@ def test_equal_bits_are_said(made, rpud):
     assert out.endswith("\nequal bits: the runs are the same\n")
 
 
+@pytest.mark.extended
 def test_a_difference_ends_with_3_and_a_page_is_written(made, tmp_path, rpud):
     page = tmp_path / "compare.html"
     code, out, err = rpud("compare", made / "a", made / "heavier", "--out", page)

@@ -34,10 +34,14 @@ def test_a_run_of_an_older_release_names_the_release_that_reads_it(
     assert not [*tmp_path.iterdir()]
 
 
-def test_the_messages_of_an_older_bag_are_listed_and_exported(tmp_path, rpud):
+def test_the_messages_of_an_older_bag_are_listed(rpud):
     code, out, err = rpud("info", BAG, "--json")
     assert (code, err) == (0, "")
     assert json.loads(out)["message_count"] > 90
+
+
+@pytest.mark.extended
+def test_the_messages_of_an_older_bag_are_exported(tmp_path, rpud):
     assert rpud("export", BAG, "--out", tmp_path / "tables")[::2] == (0, "")
 
 

@@ -3,13 +3,8 @@
 import json
 
 import pytest
-from sample_bags import (
-    DAMAGED,
-    STRING_DEFINITION,
-    TALK,
-    write_bag,
-    write_damaged,
-)
+from sample_bags import DAMAGED, STRING_DEFINITION, TALK, write_bag, write_damaged
+from support import extended
 
 from rpud_sim.bag import BagWriter, Topic
 
@@ -19,6 +14,7 @@ def bag(tmp_path):
     return write_bag(tmp_path / "bag")
 
 
+@pytest.mark.extended
 def test_it_says_what_it_made(bag, tmp_path, rpud):
     code, out, err = rpud("export", bag, "--out", tmp_path / "new" / "out", "--format", "csv")
     assert (code, err) == (0, "")
@@ -30,7 +26,7 @@ def test_it_says_what_it_made(bag, tmp_path, rpud):
     assert (tmp_path / "new" / "out" / "rpud.talk.csv").is_file()
 
 
-WRITING = (("export",), ("export", "--format", "csv"), ("report",))
+WRITING = (extended(("export",)), extended(("export", "--format", "csv")), ("report",))
 
 
 @pytest.mark.parametrize("words", WRITING)
@@ -54,6 +50,7 @@ def test_json_is_one_object_and_names_what_is_left_out(tmp_path, rpud, words):
     assert account.items() >= content.items()
 
 
+@pytest.mark.extended
 def test_an_export_of_nothing_fails_with_the_reason(tmp_path, rpud):
     with BagWriter(tmp_path / "bag") as bag:
         bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
@@ -82,6 +79,7 @@ def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, words
         assert [each["rows"] for each in content["topics"]] == [3]
 
 
+@pytest.mark.extended
 def test_a_rebuilt_waveform_and_its_size(drill_bag, tmp_path, rpud):
     words = ("--rate", "1e6", "--duration", 0.1)
     code, out, err = rpud("export", drill_bag, "--out", tmp_path / "out", *words)

@@ -4,7 +4,9 @@ import os
 import subprocess
 import sys
 
+import pytest
 from sample_bags import write_bag
+from support import extended
 
 # Several commands in one process, whose words are given with a line for each.
 PROGRAM = r"""
@@ -34,24 +36,26 @@ def rpud(folder, *commands):
     return done.stdout.splitlines()[-1].decode(), done.stderr.decode()
 
 
-def test_any_locale_and_any_folder_will_do(tmp_path):
+BAG, TABLE, RECOVERED, SIMULATED = (b"\xff/" + f"{name}ä".encode() for name in "btrs")
+EXPORT = ("export", BAG, "--out", TABLE, "--format", "csv")
+
+
+@pytest.mark.parametrize("further", [(), extended((EXPORT,))])
+def test_any_locale_and_any_folder_will_do(tmp_path, further):
     folder = os.fsencode(tmp_path) + b"/\xff"
     os.mkdir(folder)
-    write_bag(tmp_path / "größe")
-    os.rename(tmp_path / "größe", folder + "/größe".encode())
-    bag = b"\xff/" + "größe".encode()
-    recovered, simulated, page, table = (b"\xff/" + f"ä{n}".encode() for n in range(4))
-    codes, errors = rpud(
-        tmp_path,
-        ("report", bag, "--out", page + b".html"),
-        ("export", bag, "--out", table, "--format", "csv"),
-        ("recover", bag, "--out", recovered),
-        ("simulate", "--duration", "0.1", "--bag", simulated),
-        ("info", recovered),
-        ("info", simulated),
+    os.rename(write_bag(tmp_path / "bag"), os.fsencode(tmp_path) + b"/" + BAG)
+    commands = (
+        ("report", BAG, "--out", BAG + b".html"),
+        ("recover", BAG, "--out", RECOVERED),
+        ("simulate", "--duration", "0.1", "--bag", SIMULATED),
+        ("info", RECOVERED),
+        ("info", SIMULATED),
+        *further,
     )
+    codes, errors = rpud(tmp_path, *commands)
     # A command that takes longer than 10 s prints how far it is.
-    assert (codes, "rpud " in errors) == (str([0] * 6), False), errors
+    assert (codes, "rpud " in errors) == (str([0] * len(commands)), False), errors
 
 
 def test_a_bag_s_own_name_must_be_utf_8(tmp_path):

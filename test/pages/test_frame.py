@@ -31,6 +31,7 @@ def test_a_variable_that_is_missing_is_an_error():
 EVIL = '</svg><script>alert("$x$")</script>&'
 
 
+@pytest.mark.extended
 def test_a_picture_has_the_colours_of_the_page_and_texts_that_stay_texts():
     def draw(axes):
         axes.plot([0.0, 1.0, 2.0], [1.0, float("nan"), 3.0], label=EVIL)

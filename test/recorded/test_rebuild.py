@@ -4,13 +4,13 @@ import itertools
 import json
 
 import numpy as np
-import pyarrow.parquet as pq
+import pandas as pd
 import pytest
 from altered_bags import altered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
-from support import examples
+from support import examples, extended
 
 import rpud_sim.bag
 from rpud_sim.foundation.time import SECOND
@@ -36,7 +36,7 @@ def bag(tmp_path_factory, regime):
 
 
 def load(folder):
-    table = pq.read_table(folder / "rpud.trajectory.parquet")
+    table = pd.read_parquet(folder / "rpud.trajectory.parquet")
     return {channel: table[channel].to_numpy() for channel in CHANNELS}
 
 
@@ -48,6 +48,7 @@ def only_trajectory(source, out, keep=lambda number: True):
     )
 
 
+@pytest.mark.extended
 def test_at_the_published_rate_it_is_the_published_waveform_bit_for_bit(bag, tmp_path):
     rebuilt = rebuild(only_trajectory(bag, tmp_path / "bag"), tmp_path / "out", 50_000)
     found = load(tmp_path / "out")
@@ -63,10 +64,11 @@ def test_at_the_published_rate_it_is_the_published_waveform_bit_for_bit(bag, tmp
         assert found[channel].tobytes() == values[: rebuilt.count].tobytes(), channel
 
 
+@pytest.mark.extended
 def test_each_sample_has_its_stamp_and_the_account_stands_beside_them(bag, tmp_path):
     rebuilt = rebuild(bag, tmp_path / "out", 30_000, start=0.1)
     table = tmp_path / "out" / "rpud.trajectory.parquet"
-    found = pq.read_table(table)["time"].cast("int64").to_numpy()
+    found = pd.read_parquet(table)["time"].astype("int64").to_numpy()
     numbers = range(rebuilt.first, rebuilt.first + rebuilt.count)
     assert found.tolist() == [rebuilt.origin + round(n * 1e9 / 30_000) for n in numbers]
     account = json.loads((tmp_path / "out" / "export.json").read_text())
@@ -76,6 +78,7 @@ def test_each_sample_has_its_stamp_and_the_account_stands_beside_them(bag, tmp_p
 
 
 @pytest.mark.parametrize("lost", [(2, 3), (0, 1, 2, 3)], ids=["a gap", "a late begin"])
+@pytest.mark.extended
 def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path, lost):
     source = only_trajectory(bag, tmp_path / "bag", lambda number: number not in lost)
     rebuilt = rebuild(source, tmp_path / "out", 10_000)
@@ -96,7 +99,7 @@ def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path, lost):
     ("topic", "options", "reason"),
     [
         ("waveform", {}, "holds no trajectory"),
-        ("trajectory", {"start": 9.0}, r"--start = 9 s is not in the 0\.[34]\d* s that"),
+        extended("trajectory", {"start": 9.0}, r"--start = 9 s is not in the 0\.[34]\d* s that"),
         ("trajectory", {"run": 2}, "there is no run 2"),
     ],
 )
@@ -107,6 +110,7 @@ def test_what_the_bag_lacks_is_refused(bag, tmp_path, topic, options, reason):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.extended
 def test_a_run_of_several_is_chosen(used, tmp_path):
     """Messages are missing, and the first run has a second origin."""
     first, second = (rebuild(used.path, tmp_path / f"{n}", 1000, run=n) for n in (1, 2))
@@ -146,6 +150,7 @@ def test_however_it_is_cut_the_samples_are_those_of_the_whole(rate, cuts):
     assert found or not len(expected.in_contact)
 
 
+@pytest.mark.extended
 def test_without_a_journal_a_trajectory_that_begins_again_is_refused(used, tmp_path):
     path = only_trajectory(used.path, tmp_path / "bag")
     with pytest.raises(RecordingError, match=r"begins again at .* no journal shows"):

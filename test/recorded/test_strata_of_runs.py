@@ -39,10 +39,14 @@ def layered(tmp_path_factory):
     return path
 
 
-def test_the_second_run_has_the_strata_of_the_first(layered, tmp_path):
+def test_the_second_run_has_the_strata_of_the_first(layered):
     assert strata_in(layered) == [STRATA, {"same_as_entry": 0}]
     assert [run.parameters["strata"] for run in runs_in(layered)] == [STRATA, STRATA]
     assert verify(layered).proved
+
+
+@pytest.mark.extended
+def test_the_second_run_is_rebuilt(layered, tmp_path):
     assert rebuild(layered, tmp_path / "out", 1000, run=2)
 
 

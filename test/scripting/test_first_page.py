@@ -111,6 +111,7 @@ def test_a_saved_run_has_the_same_face_and_is_proved(tmp_path, values):
         assert (frame.index.name, frame.attrs["units"]["force"]) == ("header.stamp", "N")
 
 
+@pytest.mark.extended
 def test_it_draws_itself(run):
     assert len(run.plot().axes) == 4
     shown = run._repr_html_()
@@ -177,9 +178,9 @@ for act in (run.plot, lambda: run.frame("wrench"), lambda: compare(bags)):
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines() == [
-        "a plot needs matplotlib: pip install 'rpud_sim[web]'",
-        "a frame needs pandas: pip install pandas",
-        "a comparison needs scipy: pip install 'rpud_sim[web]'",
+        "a plot needs matplotlib: pip install 'rpud_sim[web]', or in a clone make setup",
+        "a frame needs pandas: pip install pandas, or in a clone make setup",
+        "a comparison needs scipy: pip install 'rpud_sim[web]', or in a clone make setup",
     ]
 
 
