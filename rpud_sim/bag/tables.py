@@ -14,7 +14,7 @@ import numpy as np
 
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.extras import import_extra
-from rpud_sim.foundation.quantities import did_you_mean, listed, suggestion
+from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Sequences
 from rpud_sim.messages.batch import Batch, joined
@@ -172,8 +172,8 @@ class Tables:
         if name in self._errors:
             raise self._errors[name]
         if name not in self._known:
-            held = listed(self._known) + suggestion(name, self._known)
-            raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {held}")
+            hint = did_you_mean(name, self._known)
+            raise BagError(f"{self._path} holds no topic {name!r:.80}{hint}")
         found = self._open(name)
         if isinstance(found, BagFormatError):
             raise BagFormatError(f"{self._path}: {name:.200} cannot be a table: {found}") from found
@@ -260,7 +260,7 @@ def to_frame(
     """Return a pandas frame with a column as index; ``attrs["units"]`` has the units."""
     pandas = import_extra("pandas", "a frame", "pandas")
     if index not in columns:
-        raise BagError(f"index = {index!r:.80} is not a column; {did_you_mean(index, columns)}")
+        raise BagError(f"index = {index!r:.80} is not a column{did_you_mean(index, columns)}")
     series = {n: objects([*each]) if each.ndim > 1 else each for n, each in columns.items()}
     frame = pandas.DataFrame(series).set_index(index)
     frame.attrs["units"] = dict(units)

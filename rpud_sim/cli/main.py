@@ -100,7 +100,7 @@ def execute(words: Sequence[str]) -> int:
     parser = build_parser()
     if name and not name.startswith("-"):
         hint = did_you_mean(name, COMMANDS)
-        parser.error(f"argument COMMAND: invalid choice: {name!r}; {hint}")
+        parser.error(f"argument COMMAND: invalid choice: {name!r}{hint}")
     return _run(parser, words)
 
 

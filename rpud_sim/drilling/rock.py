@@ -166,7 +166,7 @@ def find_strata(choice: str) -> Strata:
         return _strata_at(yaml_node(content, "strata"))
     if not os.path.isfile(choice) and "/" not in choice and "." not in choice:
         raise ParameterError(
-            f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
+            f"strata = {shown(choice)} is neither a file nor a rock{did_you_mean(choice, ROCKS)}"
         )
     return _strata_at(open_yaml(choice))
 

@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import Any
 
 _MOST_LISTED = 30  # names in a message
+_MOST_CLOSE = 3  # names that end with an unknown one
 
 
 class ExpectedError(Exception):
@@ -82,44 +83,37 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(f"{name:.80}" for name in found[:_MOST_LISTED]) + more or "none"
 
 
-def suggestion(name: Any, known: Iterable[str]) -> str:
-    """Return `` (did you mean x?)`` with the nearest known name; empty if none is near.
+def did_you_mean(name: Any, known: Iterable[str], others: bool = True) -> str:
+    """Return a hint that continues an error: ``; did you mean x?`` with the nearest known name.
 
-    It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
-    topics begin alike. A relative name is compared with the last parts of the known ones.
+    If none is near, it lists the known names, or is empty without ``others``. A name without a
+    slash is compared with the last parts of the known ones.
     """
-    relative = "/" not in str(name)
-    found = {each.rpartition("/")[2] if relative else each: each for each in known}
-    close = _close(name, found, 0.8)
-    return f" (did you mean {found[close[0]]}?)" if close else ""
-
-
-_MOST_CLOSE = 3  # names that end with the unknown one
-_MOST_NAMES = 30  # greatest number of names in a hint
-
-
-def did_you_mean(name: Any, known: Iterable[str]) -> str:
-    """Return a hint for an unknown name: the nearest known one, or all of them if they are few."""
     known = list(known)
-    longer = [each for each in known if each.endswith(f"_{name}")]
-    close = longer if 1 < len(longer) <= _MOST_CLOSE else _close(name, known, 0.6)
-    if not close and len(known) > _MOST_NAMES:
-        near = difflib.get_close_matches(f"{name!s:.80}", known, n=3, cutoff=0.0)
-        return f"the nearest of {len(known)} are {', '.join(near)}"
-    return f"did you mean {listed(close)}?" if close else f"valid ones are {', '.join(known)}"
-
-
-def _close(name: Any, known: Iterable[str], cutoff: float) -> list[str]:
-    if not isinstance(name, str) or len(name) > LONGEST_NAME:  # a long one takes seconds
-        return []
-    return difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+    path = isinstance(name, str) and "/" in name
+    parts = {each if path else each.rpartition("/")[2]: each for each in reversed(known)}
+    close = [part for part in parts if part.endswith(f"_{name}")]
+    if not 1 < len(close) <= _MOST_CLOSE:
+        # Names of topics begin alike, and names of files end alike.
+        cutoff = 0.8 if path or "." in str(name) else 0.6
+        searched = isinstance(name, str) and len(name) <= LONGEST_NAME  # a long one takes seconds
+        close = difflib.get_close_matches(name, parts, n=1, cutoff=cutoff) if searched else []
+    if close:
+        return f"; did you mean {listed(parts[part] for part in close)}?"
+    if not others:
+        return ""
+    which = "valid ones"
+    if len(known) > _MOST_LISTED:
+        which = f"the nearest of {len(known)}"
+        known = difflib.get_close_matches(f"{name!s:.80}", known, n=3, cutoff=0.0)
+    return f"; {which} are {', '.join(f'{each:.80}' for each in known) or 'none'}"
 
 
 def check_names(names: Iterable[Any], known: Iterable[str], what: str = "parameter") -> None:
     known = tuple(known)
     for name in names:
         if name not in known:
-            raise ParameterError(f"{shown_name(name)} is not a {what}; {did_you_mean(name, known)}")
+            raise ParameterError(f"{shown_name(name)} is not a {what}{did_you_mean(name, known)}")
 
 
 def as_number(value: Any) -> float:

@@ -109,7 +109,7 @@ def name_in(known: Iterable[str], kind: str) -> Callable[[YamlNode], str]:
 
     def read_name(node: YamlNode) -> str:
         if not (isinstance(node.value, str) and node.value in names):
-            raise node.wrong(f"is not {kind}; {did_you_mean(node.value, names)}")
+            raise node.wrong(f"is not {kind}{did_you_mean(node.value, names)}")
         return node.value
 
     return read_name

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import did_you_mean
 
 # A FIFO would wait for a writer, perhaps one that took the file's place after the first look.
 _READ = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
@@ -28,10 +28,10 @@ def named_errors(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def name_beside(path: str | os.PathLike[str]) -> str:
-    """Return `` (did you mean x?)`` with the nearest name in the folder of a missing file."""
+    """Return ``; did you mean x?`` with the nearest name in the folder of a missing file."""
     with suppress(OSError):
         name = Path(path).name
-        return suggestion(name, set(os.listdir(Path(path).parent)) - {name})
+        return did_you_mean(name, set(os.listdir(Path(path).parent)) - {name}, others=False)
     return ""
 
 

@@ -209,7 +209,7 @@ class YamlNode:
             for key, each in found.items():
                 if not (isinstance(key, str) and key in known):
                     named = dataclasses.replace(each, name=self.name)
-                    raise named.error(f"{shown(key)} is not a key here; {did_you_mean(key, known)}")
+                    raise named.error(f"{shown(key)} is not a key here{did_you_mean(key, known)}")
         for key in needed:
             if key not in found:
                 raise self.error(f"{key} is missing")

@@ -17,7 +17,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.metadata import RECORDING_RECORD
 from rpud_sim.bag.own_records import MANIFEST_RECORD, Manifest, manifest_from_record
-from rpud_sim.foundation.quantities import listed, suggestion
+from rpud_sim.foundation.quantities import did_you_mean, listed
 from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
@@ -229,7 +229,7 @@ def runs_of(
         raise RecordingError(f"{bag.path} holds several journals: choose with --topic of {names}")
     if topic is not None and topic not in found:
         raise RecordingError(
-            f"{bag.path} holds no journal named {topic}, but {names}{suggestion(topic, found)}"
+            f"{bag.path} holds no journal named {topic}{did_you_mean(topic, found)}"
         )
     return _runs(
         bag, RecordedJournal(bag, found[topic or next(iter(found))]), damages or SkippedParts(bag)
@@ -302,7 +302,7 @@ def _choose(bag: BagReader, wanted: str | None) -> str:
     space = wanted if wanted in found else f"/{wanted.strip('/')}".rstrip("/")
     if space not in found:
         raise RecordingError(
-            f"{bag.path} holds no drill in {wanted!r:.80}, but in {names}{suggestion(space, found)}"
+            f"{bag.path} holds no drill in {wanted!r:.80}{did_you_mean(space, found)}"
         )
     return space
 

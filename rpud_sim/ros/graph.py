@@ -49,7 +49,7 @@ def message_class(type_name: str) -> Any:
             check_for_type_support(message)
             return message
         hint = did_you_mean(name, [each for each in vars(module) if each[0].isupper()])
-        reason = f"{package} has no {kind} of this name; {hint}"
+        reason = f"{package} has no {kind} of this name{hint}"
     except ModuleNotFoundError:
         reason = f"there is no {package}.{kind} in this environment"
     except Exception as error:  # a foreign package may raise anything while it is loaded

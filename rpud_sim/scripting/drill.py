@@ -222,8 +222,8 @@ class Drill:
         active = {record.number: record.fault.kind for record in faults}
         numbers = [n for n, kind in active.items() if which in ("all", n, kind)]
         if not numbers and which != "all":
-            hint = did_you_mean(str(which), sorted({*active.values()})) if active else "none is"
-            raise ParameterError(f"no fault {shown(which)} is active; {hint}")
+            hint = did_you_mean(str(which), sorted({*active.values()})) if active else "; none is"
+            raise ParameterError(f"no fault {shown(which)} is active{hint}")
         for number in numbers:
             self._run.apply(Clear(number))
         return numbers

@@ -68,7 +68,7 @@ class _Figures(dict[str, Any]):
     """Values of a run by their names."""
 
     def __missing__(self, name: str) -> Any:
-        raise _UnknownNameError(f"no metric {name!r}; {did_you_mean(str(name), self)}")
+        raise _UnknownNameError(f"no metric {name!r}{did_you_mean(str(name), self)}")
 
 
 class Columns(dict[str, np.ndarray]):
@@ -81,7 +81,7 @@ class Columns(dict[str, np.ndarray]):
         self.units = dict(units)  # empty for a number without a unit
 
     def __missing__(self, name: str) -> np.ndarray:
-        raise _UnknownNameError(f"no column {name!r}; {did_you_mean(str(name), self)}")
+        raise _UnknownNameError(f"no column {name!r}{did_you_mean(str(name), self)}")
 
     def __repr__(self) -> str:
         """Return the columns' names and units, and the number of rows."""
@@ -245,7 +245,7 @@ class DrillRun:
     def __getitem__(self, topic: str) -> Columns:
         """Return the columns of a topic; times are integer nanoseconds."""
         if topic not in self.topics:
-            raise _UnknownNameError(f"no topic {topic!r}; {did_you_mean(str(topic), self.topics)}")
+            raise _UnknownNameError(f"no topic {topic!r}{did_you_mean(str(topic), self.topics)}")
         if topic not in self._columns:
             self._columns[topic] = self._read(topic) if self._bag else self._compute(topic)
         return self._columns[topic]

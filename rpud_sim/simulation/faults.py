@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, suggestion
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
@@ -51,7 +51,7 @@ class Fault:
     def __post_init__(self) -> None:
         if not (isinstance(self.kind, str) and self.kind in KINDS):
             hint = did_you_mean(self.kind, KINDS)
-            raise FaultError(f"fault kind = {shown(self.kind)} is unknown; {hint}")
+            raise FaultError(f"fault kind = {shown(self.kind)} is unknown{hint}")
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
@@ -82,8 +82,7 @@ class Fault:
         if channel == "":
             raise FaultError(f"{self.kind} needs a channel: one of {', '.join(CHANNELS)}")
         raise FaultError(
-            f"channel of {self.kind} = {shown(channel)} is not one of "
-            f"{', '.join(CHANNELS)}{suggestion(channel, CHANNELS)}"
+            f"channel of {self.kind} = {shown(channel)} is unknown{did_you_mean(channel, CHANNELS)}"
         )
 
     def _checked_magnitude(self) -> float:

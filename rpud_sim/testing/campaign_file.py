@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import importlib.util
 import itertools
 import os
@@ -20,7 +21,6 @@ from rpud_sim.foundation.quantities import (
     Quantity,
     did_you_mean,
     shown,
-    suggestion,
 )
 from rpud_sim.foundation.schema import Reader, key, line, list_of, name_in, named, raw_reader, read
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml
@@ -41,7 +41,8 @@ def _answer(cursor: YamlNode) -> str:
     name = line(cursor)
     if name in TOPICS:
         raise cursor.wrong("is a topic of the drill itself")
-    if suggestion(name, COMMAND_TOPICS) or name.startswith("command/"):
+    commands = (each.rpartition("/")[2] for each in COMMAND_TOPICS)
+    if name.startswith("command/") or difflib.get_close_matches(name, commands, cutoff=0.8):
         return name_in(COMMAND_TOPICS, "a command of the drill")(cursor)
     return name
 
@@ -223,7 +224,7 @@ def read_campaign(path: str | Path) -> Campaign:
             place = (*listed.place, index, "requirement")
             hint = did_you_mean(each.requirement, file.requirements)
             raise dataclasses.replace(listed, place=place).error(
-                f"requirement {shown(each.requirement)} of {shown(each.name)} is unknown; {hint}"
+                f"requirement {shown(each.requirement)} of {shown(each.name)} is unknown{hint}"
             )
     runs = tuple(_runs(top, file))
     return Campaign(

@@ -409,7 +409,7 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
         if heard is None:
             own = len(f"{self.namespace}/")
             others = [name for name in self.heard if name[own:] not in TOPICS]
-            hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *others])}"
+            hint = "" if topic in TOPICS else f"{did_you_mean(topic, [*TOPICS, *others])}"
             raise ParameterError(
                 f"topic {shown_name(topic)} is not listened to: call listen({topic!r}) first{hint}"
             )

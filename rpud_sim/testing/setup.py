@@ -16,7 +16,6 @@ from rpud_sim.foundation.quantities import (
     did_you_mean,
     shown,
     shown_name,
-    suggestion,
 )
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, yaml_node
 from rpud_sim.simulation.changes import Inject
@@ -75,7 +74,7 @@ def drill_setup(
         if name not in known:
             raise ParameterError(
                 f"{shown_name(name)} is neither a parameter of the drill nor one of "
-                f"{', '.join(_OWN)}; {did_you_mean(name, known)}"
+                f"{', '.join(_OWN)}{did_you_mean(name, known)}"
             )
     namespace = options.get("namespace", NAMESPACE)
     if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
@@ -113,7 +112,7 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
     parents = [place.parent for place in places if os.path.isdir(place.parent)]
     beside = [each.name for parent in parents for each in parent.iterdir()]
     looked = ", ".join(dict.fromkeys(map(str, places)))
-    hint = suggestion(Path(given).name, beside)
+    hint = did_you_mean(Path(given).name, beside, others=False)
     raise ParameterError(f"{name} = {shown(str(given))} is not a file: looked for {looked}{hint}")
 
 
@@ -123,7 +122,7 @@ def _scenario(
     """Return the content of a scenario file, and its faults."""
     if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:
         raise ParameterError(
-            f"faults = {shown(faults)} is neither a file nor a kind of fault; "
+            f"faults = {shown(faults)} is neither a file nor a kind of fault"
             f"{did_you_mean(faults, KINDS)}"
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):

@@ -17,7 +17,7 @@ from rpud_msgs.msg import Status
 from std_srvs.srv import Empty, Trigger
 
 from rpud_sim.foundation.child_process import ChildProcess, group_of, stop_all
-from rpud_sim.foundation.quantities import ParameterError, suggestion
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import RepeatedRequest, node_name, type_name
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
@@ -143,8 +143,9 @@ class Systems:
             self._answers.connect()  # as far as there are publishers: others may start later
             unknown = self._undiscovered(dict(ChainMap(*hearing.values())))
             if silent := [topic for topic, nodes in hearing.items() if not nodes]:
-                names = (t if t in TOPICS else t + suggestion(t, TOPICS) for t in silent)
-                return f"does not subscribe to {', '.join(names)}"
+                unknown_names = [topic for topic in silent if topic not in TOPICS]
+                hints = (did_you_mean(each, TOPICS, others=False) for each in unknown_names)
+                return f"does not subscribe to {', '.join(silent)}{''.join(hints)}"
             if unknown or self._unconnected() or not (subscribes_to or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
             if keep and not self._rest_type(system):

@@ -128,7 +128,7 @@ def find_field(signal: Signal, columns: tuple[Column, ...]) -> SignalField:
     known = {column.name: column for column in columns}
     if base not in known:
         hint = did_you_mean(base, [each for each in known if not each.startswith("header.")])
-        raise ExpectationError(f"{topic} has no field {shown(base)}; {hint}")
+        raise ExpectationError(f"{topic} has no field {shown(base)}{hint}")
     column = known[base]
     if column.kind is Kind.NESTED:
         hint = "; use fault, onset or cleared" if topic == "faults" else ""
@@ -149,7 +149,7 @@ def _check_topic(topic: str) -> None:
     if not topic.startswith("/") and topic not in TYPES:
         hint = did_you_mean(topic, TYPES)
         raise ExpectationError(
-            f"topic {shown(topic)} is none of the drill's; {hint} (others begin with /)"
+            f"topic {shown(topic)} is none of the drill's{hint} (others begin with /)"
         )
 
 

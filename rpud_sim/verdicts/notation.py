@@ -168,7 +168,7 @@ def _form(cursor: YamlNode) -> _Form:
     forms = [form for form in _FORMS if next(iter(form.fields)) in keys]
     if not forms:
         first = keys[0] if keys else ""
-        raise cursor.error(f"{shown(first)} begins no formula; {did_you_mean(first, _MAIN)}")
+        raise cursor.error(f"{shown(first)} begins no formula{did_you_mean(first, _MAIN)}")
     chosen = [form for form in forms if form.fields.keys() <= {*keys}] or forms
     if len(chosen) > 1:
         raise cursor.error(f"{' or '.join([*each.fields][-1] for each in chosen)} is missing")

@@ -11,7 +11,7 @@ import numpy as np
 from rpud_sim.bag import Column, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import listed, suggestion
+from rpud_sim.foundation.quantities import did_you_mean, listed
 from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.runs import RecordedRun, runs_of
@@ -70,7 +70,7 @@ class Record:
             wanted: dict[str, str] = {}  # topics by their names in the bag
             for topic in topics:
                 if (name := record._absolute(topic)) not in known:
-                    hint = suggestion(name, known)
+                    hint = did_you_mean(name, known, others=False)
                     record._notes[topic] = f"the bag holds no topic {name}{hint}"
                     continue
                 wanted[name] = topic

@@ -58,8 +58,8 @@ def unit_factor(unit: str) -> tuple[float, str]:
     if unit not in _UNITS:
         # One letter resembles no other, and all names would be a long line.
         alike = [name for name in _UNITS if name and name.lower() == unit.lower()]
-        hint = f"did you mean {alike[0]}?" if alike else did_you_mean(unit, _PREFIXED)
-        raise ExpectationError(f"unit {shown(unit)} is unknown; {hint}")
+        hint = f"; did you mean {alike[0]}?" if alike else did_you_mean(unit, _PREFIXED)
+        raise ExpectationError(f"unit {shown(unit)} is unknown{hint}")
     return _UNITS[unit]
 
 

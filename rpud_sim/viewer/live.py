@@ -82,7 +82,7 @@ class Actions:
     def add(self, name: str, arguments: dict[str, Any], asker: str = "") -> None:
         """Queue an action of an asker; one that does not exist is a ParameterError."""
         if name not in ACTIONS:
-            raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
+            raise ParameterError(f"action {shown(name)} is unknown{did_you_mean(name, ACTIONS)}")
         try:
             inspect.signature(getattr(DrillClient, name)).bind(None, **arguments)
         except TypeError as error:

@@ -63,8 +63,11 @@ def test_a_long_text_is_refused_and_a_long_name_not_searched():
     with pytest.raises(ParameterError, match="x has 4097 characters; allowed are 4096 at most"):
         Text("", "").check("x", 4097 * "a")
     assert Text("", "").check("x", 4096 * "a")
-    assert did_you_mean("regim", ["regime"]) == "did you mean regime?"
-    assert did_you_mean(10_000_000 * "regim", ["regime"]) == "valid ones are regime"  # in no time
+    assert did_you_mean("regim", ["regime"]) == "; did you mean regime?"
+    assert did_you_mean("/lefd", ["/left", "/right"]) == "; did you mean /left?"
+    assert did_you_mean("/rpud/mount", ["/rpud/wrench"], others=False) == ""  # they begin alike
+    assert did_you_mean("wrnech", ["/rpud/wrench"]) == "; did you mean /rpud/wrench?"
+    assert did_you_mean(10_000_000 * "regim", ["regime"]) == "; valid ones are regime"  # in no time
 
 
 @pytest.mark.parametrize(

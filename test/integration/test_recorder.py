@@ -43,7 +43,7 @@ def test_a_bag_holds_what_it_is_a_recording_of(process, tmp_path):
     recorder.interrupt()
     assert recorder.wait() == 0
     mistyped = process("recorder", "contact_froce", "--out", tmp_path / "none")
-    named = "/rpud/contact_froce (did you mean /rpud/contact_force?)"
+    named = "/rpud/contact_froce; did you mean /rpud/contact_force?"
     mistyped.wait_for_line(re.escape(f"not there yet: {named}"))
     mistyped.interrupt()
     assert mistyped.wait() == 1

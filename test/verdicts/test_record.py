@@ -250,7 +250,7 @@ def test_topics_of_others_are_judged_by_their_stamps(other_bag):
     verdict = evaluate(Expectation("it", always(signal("/supervisor/heartbeats.x") > 0)), missing)
     assert (verdict.outcome, verdict.text) == (
         "undecided",
-        "the bag holds no topic /supervisor/heartbeats (did you mean /supervisor/heartbeat?)",
+        "the bag holds no topic /supervisor/heartbeats; did you mean /supervisor/heartbeat?",
     )
 
 

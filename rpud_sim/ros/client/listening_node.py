@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs import msg, srv
 from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.quantities import ExpectedError, suggestion
+from rpud_sim.foundation.quantities import ExpectedError, did_you_mean
 from rpud_sim.ros.client.arguments import SECONDS
 from rpud_sim.ros.graph import RepeatedRequest, node_name
 from rpud_sim.ros.process import name_error, start_ros
@@ -211,7 +211,9 @@ def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str
     others = [each for each in drill_namespaces(node) if each != namespace]
     where = "there is none in the whole domain: `rpud run` starts one, or its ROS_DOMAIN_ID differs"
     if others:
-        where = f"there is one in {', '.join(others)}{suggestion(namespace, others)}"
+        where = (
+            f"there is one in {', '.join(others)}{did_you_mean(namespace, others, others=False)}"
+        )
     return f"no drill in {namespace} of ROS domain {domain_id} within {patience:g} s; {where}"
 
 

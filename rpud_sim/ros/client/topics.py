@@ -86,7 +86,7 @@ def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:
         types = until(lambda: types_of_topic(node, topic), "", patience)
     except NoAnswerError:
         hint = did_you_mean(topic, [name for name, _ in node.get_topic_names_and_types()])
-        raise NoAnswerError(f"no topic {topic} within {patience:g} s; {hint}") from None
+        raise NoAnswerError(f"no topic {topic} within {patience:g} s{hint}") from None
     if len(types) > 1:
         raise ClientError(f"topic {topic} has several types: {', '.join(types)}")
     # A subscription may be discovered before the publisher, whose QoS decides.
@@ -144,8 +144,8 @@ def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
             kind = member_class(described) if is_message else None
         fields = kind.get_fields_and_field_types() if kind else {}
         if name not in fields:
-            hint = did_you_mean(name, fields) if fields else f"{described} has no fields"
-            raise ParameterError(f"field {shown(text)}: there is no {shown(name)}; {hint}")
+            hint = did_you_mean(name, fields) if fields else f"; {described} has no fields"
+            raise ParameterError(f"field {shown(text)}: there is no {shown(name)}{hint}")
         steps.append(name)
         described = fields[name]
         for index in re.findall(r"\d+", indices):

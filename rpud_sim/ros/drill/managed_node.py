@@ -140,7 +140,7 @@ class ManagedNode(LifecycleNode):
             raise ParameterError(f"{shown(name)} has the type {kind}, which is none")
         if not self.has_parameter(name):
             hint = did_you_mean(name, self.list_parameters([], 0).names)
-            raise ParameterError(f"parameter {shown(name)} is unknown; {hint}")
+            raise ParameterError(f"parameter {shown(name)} is unknown{hint}")
         descriptor, given = self.describe_parameter(name), Parameter.from_parameter_msg(message)
         if descriptor.read_only and given.value == self.get_parameter(name).value:
             return None

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.metadata import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.process import StopRequest, running_ros
@@ -210,9 +210,10 @@ def _lost(name: str, losses: Losses) -> list[str]:
 
 
 def _missing(node: Recorder) -> str:
-    """Return the requested topics that have not appeared, each with the nearest one there is."""
+    """Return the requested topics that have not appeared, and the nearest ones there are."""
     known = [name for name, _ in node.get_topic_names_and_types()]
-    return ", ".join(name + suggestion(name, known) for name in node.missing)
+    hints = (did_you_mean(name, known, others=False) for name in node.missing)
+    return ", ".join(node.missing) + "".join(hints)
 
 
 def failure(node: Recorder, *, allow_empty: bool) -> str:
@@ -224,7 +225,7 @@ def failure(node: Recorder, *, allow_empty: bool) -> str:
     elif not allow_empty and not node.taken:
         prefix = node.get_namespace()
         spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})
-        hint = "" if node.topics else suggestion(prefix, spaces)
+        hint = "" if node.topics else did_you_mean(prefix, spaces, others=False)
         reasons.append(f"nothing came on {len(node.topics)} topics in {prefix}{hint}")
     if twofold := sorted(name for name, types in node.further_types.items() if len(types) > 1):
         reasons.append(f"topics with further types, which are not in the bag: {', '.join(twofold)}")

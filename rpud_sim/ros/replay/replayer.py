@@ -24,7 +24,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError, listed, suggestion
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, did_you_mean, listed
 from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, error_text, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.messages.cdr import Codec, foreign_encoding
@@ -291,9 +291,8 @@ def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]
     for option, names in named.items():
         for name in names:
             if name not in held:
-                has = listed(held)
-                hint = suggestion(name, held)
-                raise BagError(f"{option} names {name:.200}{hint}; {bag.path} has {has}")
+                hint = did_you_mean(name, held)
+                raise BagError(f"{option} names {name:.200}, which {bag.path} lacks{hint}")
     return [
         summary
         for summary in bag.topics

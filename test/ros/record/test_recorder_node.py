@@ -113,14 +113,14 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     )
     named.finish()
     assert failure(named, allow_empty=False) == (
-        "never appeared: /rpud/contact_forse (did you mean /rpud/contact_force?)"
+        "never appeared: /rpud/contact_forse; did you mean /rpud/contact_force?"
     )
     assert failure(named, allow_empty=True) == ""
     empty = record(namespace="/rpd")
     until(lambda: dict(empty.get_topic_names_and_types()).get("/rpud/contact_force"))
     empty.finish()
     assert failure(empty, allow_empty=False) == (
-        "nothing came on 0 topics in /rpd (did you mean /rpud?)"
+        "nothing came on 0 topics in /rpd; did you mean /rpud?"
     )
     there = record(["contact_force", "/elsewhere/d"])
     peer.create_publisher(Int32, "/elsewhere/d", RELIABLE)

@@ -71,7 +71,7 @@ def test_the_plan_has_every_combination_once(tmp_path):
     [
         ("seeds:", "seads:", 9, "'seads' is not a key here; did you mean seeds?"),
         ("seeds: [1, 2]", "seeds: [1, 1]", 9, ".* has a value twice"),
-        ("supervisor.py", "supervisr.py", 4, "is not a file: .* (did you mean supervisor.py?)"),
+        ("supervisor.py", "supervisr.py", 4, "is not a file: .*; did you mean supervisor.py?"),
         ("python supervisor.py", "pyhton supervisor.py", 4, "no program 'pyhton' on the PATH"),
         ("weight_on_bit]", "weight_on_bitt]", 5, "did you mean command/weight_on_bit?"),
         ("[command/weight_on_bit]", "[status]", 5, "is a topic of the drill itself"),
