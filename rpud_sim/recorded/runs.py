@@ -256,7 +256,7 @@ def find_drill(
 
     Without a journal that shows its runs, the whole bag is one.
     """
-    chosen = _choose(bag, namespace)
+    chosen = choose_namespace(bag.path, drill_namespaces(bag), namespace)
     journal = f"{chosen}/journal"
     reason = f"{bag.path} holds no journal: commands are unknown, and a reset is not seen"
     if any(s.topic.name == journal and s.message_count for s in bag.readable_topics):
@@ -282,28 +282,33 @@ def find_drill(
     )
 
 
-def _choose(bag: BagReader, wanted: str | None) -> str:
-    """Return the namespace of a drill in a bag."""
+def drill_namespaces(bag: BagReader) -> list[str]:
+    """Return the namespaces in which a bag holds messages of a drill's own types."""
     spaces = set()
     for summary in bag.readable_topics:
         space, _, name = summary.topic.name.rpartition("/")
-        known = TOPICS.get(name)
-        own = known is not None and known.type == summary.topic.type
-        if own and summary.topic.type.startswith("rpud_msgs/") and summary.message_count:
+        kind = TOPICS[name].type if name in TOPICS else ""
+        if kind.startswith("rpud_msgs/") and kind == summary.topic.type and summary.message_count:
             spaces.add(space)
-    found = sorted(spaces)
-    if not found:
-        raise RecordingError(f"{bag.path} holds no topic of a drill")
-    names = listed(name or "/" for name in found)
+    return sorted(spaces)
+
+
+def choose_namespace(
+    path: str | os.PathLike[str], spaces: Sequence[str], wanted: str | None
+) -> str:
+    """Return one of the namespaces of drills in a bag, by default the only one."""
+    if wanted is None and len(spaces) == 1:
+        return spaces[0]
+    if not spaces:
+        raise RecordingError(f"{path} holds no topic of a drill")
+    names = [name or "/" for name in spaces]
     if wanted is None:
-        if len(found) > 1:
-            raise RecordingError(f"{bag.path} holds several drills: choose --namespace of {names}")
-        return found[0]
-    space = wanted if wanted in found else f"/{wanted.strip('/')}".rstrip("/")
-    if space not in found:
-        raise RecordingError(
-            f"{bag.path} holds no drill in {wanted!r:.80}{did_you_mean(space, found)}"
-        )
+        which = f"choose --namespace of {listed(names)}"
+        raise RecordingError(f"{path} holds several drills: {which}", code=2)
+    space = wanted if wanted in spaces else f"/{wanted.strip('/')}".rstrip("/")
+    if space not in spaces:
+        hint = did_you_mean(space, names)
+        raise RecordingError(f"{path} holds no drill in {wanted!r:.80}{hint}", code=2)
     return space
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import Column, TopicSummary
+from rpud_sim.bag import Column
 from rpud_sim.bag import open as open_bag
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import did_you_mean, listed
+from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded.drill_tables import drill_table
-from rpud_sim.recorded.runs import RecordedRun, runs_of
+from rpud_sim.recorded.runs import RecordedRun, choose_namespace, drill_namespaces, runs_of
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, TopicBatch, TopicMessages
 from rpud_sim.verdicts.names import (
@@ -28,8 +28,6 @@ from rpud_sim.verdicts.names import (
     find_field,
 )
 from rpud_sim.verdicts.units import ExpectationError
-
-_STATUS_TYPE = "rpud_msgs/msg/Status"
 
 
 class Record:
@@ -59,13 +57,15 @@ class Record:
         progress: Callable[[int], object] = lambda count: None,
         expectations: Iterable[Expectation] = (),
     ) -> Record:
-        """Read topics of a bag; without ``namespace`` it is that of the only status.
+        """Read topics of a bag; without ``namespace`` it is that of the only drill.
 
         ``progress`` is called with the number of messages since its last call. The fields that
         ``expectations`` name are checked first. A RecordingError explains a failure.
         """
         with open_bag(path) as bag:
-            record = cls(bag_namespace(bag.topics, namespace))
+            if spaces := drill_namespaces(bag):
+                namespace = choose_namespace(path, spaces, namespace)
+            record = cls(NAMESPACE if namespace is None else namespace)
             known = {summary.topic.name: summary for summary in bag.topics}
             wanted: dict[str, str] = {}  # topics by their names in the bag
             for topic in topics:
@@ -216,15 +216,3 @@ class Record:
 
     def _absolute(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"{self._namespace}/{topic}"
-
-
-def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
-    """Return the namespace of the drill in a bag; by default that of the only status."""
-    if namespace is not None:
-        return namespace
-    found = sorted(
-        {each.topic.name.rpartition("/")[0] for each in topics if each.topic.type == _STATUS_TYPE}
-    )
-    if len(found) > 1:
-        raise ExpectationError(f"the bag holds several drills, {listed(found)}: name one")
-    return found[0] if found else NAMESPACE

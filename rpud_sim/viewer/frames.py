@@ -99,10 +99,6 @@ def chosen_quantities(plots: Collection[dict[str, Any]], choices: Any) -> dict[s
     return found
 
 
-class StoreError(RuntimeError):
-    """Something that a store cannot show; the text is one line, and the page ends with it."""
-
-
 @dataclass(frozen=True)
 class View:
     """Range of time that a browser shows: the last seconds, or from ``start`` to ``end``."""
@@ -140,7 +136,7 @@ class Store:
     mode = ""  # ``live`` or ``recorded``
 
     def open(self, client: ClientState) -> None:
-        """Note one more browser; StoreError if there is nothing to show."""
+        """Note one more browser; an expected error ends the page."""
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""

@@ -13,15 +13,14 @@ from itertools import count
 from typing import Any
 
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, did_you_mean, shown
 from rpud_sim.foundation.shown_quantities import QUANTITIES, number_text
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.ros.client.listening_node import DrillFinder
 from rpud_sim.ros.client.topics import FastTopics
-from rpud_sim.ros.environment import StartError
 from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.commands import plain_refusal
-from rpud_sim.viewer.frames import ClientState, Store, StoreError
+from rpud_sim.viewer.frames import ClientState, Store
 from rpud_sim.viewer.live_history import FAST, LATCHED, LiveHistory
 from rpud_sim.viewer.server import EXPIRY, ListenAddress, PageServer
 
@@ -326,7 +325,7 @@ class LiveStore(Store):
         self._looked = -math.inf
 
     def open(self, client: ClientState) -> None:
-        """Hear the drill that a browser shows; StoreError if it is unknown, or one too many."""
+        """Hear the drill that a browser shows; it is an error if it is unknown, or one too many."""
         client.drill = f"/{(client.drill or self._default).strip('/')}"
         self.hear(client.drill)
 
@@ -336,16 +335,13 @@ class LiveStore(Store):
         if name in self.heard and not self.heard[name].error:
             return
         if name not in (self._default, *self._look()):
-            raise StoreError(f"there is no drill in {name}")
+            raise ExpectedError(f"there is no drill in {name}")
         gone = [each for each, drill in self.heard.items() if drill.gone]
         if len(self.heard) >= MOST_DRILLS and gone:
             self.heard.pop(gone[0]).close()
         if len(self.heard) >= MOST_DRILLS:
-            raise StoreError(f"{MOST_DRILLS} drills are shown already: start another server")
-        try:
-            self.heard[name] = LiveDrill(name, self.finder.domain_id)  # its thread may do better
-        except StartError as error:
-            raise StoreError(str(error)) from None
+            raise ExpectedError(f"{MOST_DRILLS} drills are shown already: start another server")
+        self.heard[name] = LiveDrill(name, self.finder.domain_id)  # its thread may do better
 
     def end(self) -> None:
         """Hear no more of any drill."""
@@ -359,7 +355,7 @@ class LiveStore(Store):
             self._look()
         drill = self._heard(client)
         if drill.error:
-            raise StoreError(f"the thread of {drill.namespace} has ended: {drill.error}")
+            raise ExpectedError(f"the thread of {drill.namespace} has ended: {drill.error}")
         with drill.reading() as history:
             yield history, self._state(drill, history)
 
@@ -374,7 +370,7 @@ class LiveStore(Store):
 
     def _heard(self, client: ClientState) -> LiveDrill:
         if client.drill not in self.heard:
-            raise StoreError(f"{client.drill} has gone")
+            raise ExpectedError(f"{client.drill} has gone")
         return self.heard[client.drill]
 
     def _look(self) -> list[str]:

@@ -16,9 +16,10 @@ from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.shown_quantities import QUANTITIES, ShownQuantity
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.recorded.runs import choose_namespace
 from rpud_sim.viewer.bins import CREDIBLE, Bins, Layer, part_length, thinned, with_gaps
 from rpud_sim.viewer.borehole import hole_of
-from rpud_sim.viewer.frames import ClientState, Store, StoreError, View
+from rpud_sim.viewer.frames import ClientState, Store, View
 from rpud_sim.viewer.history import (
     IMPACTS,
     SECTION,
@@ -229,9 +230,8 @@ class RecordedStore(Store):
 
     def open(self, client: ClientState) -> None:
         """Note one more browser; an unknown drill is an error, none is the first."""
-        client.drill = client.drill or self.drills[0]
-        if client.drill not in self.drills:
-            raise StoreError(f"the bag holds no drill {client.drill:.100}")
+        drills = self.drills
+        client.drill = choose_namespace(self.recording.path, drills, client.drill or drills[0])
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Find an impact: the next frame has it as ``jump``."""

@@ -19,7 +19,7 @@ from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch, joined
 from rpud_sim.recorded import RecordingError
-from rpud_sim.recorded.runs import RecordedRun, by_run, runs_of
+from rpud_sim.recorded.runs import RecordedRun, by_run, drill_namespaces, runs_of
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.bins import Bins, gaps_of
 from rpud_sim.viewer.history import History, is_foreign, namespace
@@ -106,6 +106,7 @@ class RecordedBag:
             self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self.bag)
+            self._drills = drill_namespaces(self.bag)
             self.chunks: list[BagChunk] = self.bag.chunks()
             self._prepare()
         except BaseException:
@@ -154,11 +155,7 @@ class RecordedBag:
 
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
-        return any(
-            each.is_own and each.type.startswith(OURS)
-            for name, each in self.readers.items()
-            if namespace(name) == drill
-        )
+        return drill in self._drills
 
     def clock(self, topic: str) -> str:
         """Return the namespace whose clock a topic has."""

@@ -28,12 +28,11 @@ from rpud_sim.bag.own_records import (
 )
 from rpud_sim.foundation.shown_quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import SkippedParts, check_new_file, write_new_file
 from rpud_sim.simulation.fault_kinds import fault_text
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.viewer.commands import COMMAND, FAILURE, RUN
-from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
+from rpud_sim.viewer.frames import ClientState, View, encode
 from rpud_sim.viewer.recorded import RecordedDrill, RecordedStore
 
 BINS = 3000  # of a layer, at most
@@ -71,10 +70,7 @@ def write_report(
     with RecordedStore(os.fspath(path)) as store:
         store.read_all()
         client = ClientState(drill, View(None, 0.0, np.inf, BINS))
-        try:
-            store.open(client)
-        except StoreError as error:
-            raise RecordingError(str(error)) from None
+        store.open(client)
         recording, damages = store.recording, SkippedParts(store.recording.bag)
         history, frame = store.histories[client.drill], store.frame(client) or {}
         frozen = _frame(history, frame, damages)

@@ -29,7 +29,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.shown_quantities import for_browser
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.viewer.frames import ClientState, Store, StoreError, View, encode
+from rpud_sim.viewer.frames import ClientState, Store, View, encode
 
 DEFAULT_PORT = 8810
 LOOPBACK = "127.0.0.1"
@@ -57,10 +57,6 @@ _HEADERS = {  # of every answer; no page of another site may show this one, and 
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }
-
-
-class ServerError(ExpectedError, RuntimeError):
-    """Server that cannot start; the text is one line."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +94,7 @@ class PageServer:
         try:
             self._sockets = bind_sockets(place.port, place.address)
         except OSError as error:
-            raise ServerError(_why_not(place, error)) from error
+            raise ExpectedError(_why_not(place, error)) from error
         self.port = int(self._sockets[0].getsockname()[1])  # on which it listens
         self.store = store
         self.pages = 0  # browsers that are connected
@@ -272,7 +268,7 @@ class _Frames(_Guarded, WebSocketHandler):
         with suppress(WebSocketClosedError):
             try:
                 await self._send_frames()
-            except StoreError as error:
+            except ExpectedError as error:
                 await self._send({**self._first, "error": str(error)})
             except WebSocketClosedError:
                 raise
@@ -320,7 +316,7 @@ class _Frames(_Guarded, WebSocketHandler):
             return
         try:
             await self._do(json.loads(message))
-        except (ParameterError, StoreError) as error:
+        except ExpectedError as error:
             self._refused = self._refused[0] + 1, str(error)
         except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
             self.close(_WRONG_REQUEST, f"wrong request: {_one_line(error)}"[:100])

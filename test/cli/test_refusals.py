@@ -72,7 +72,7 @@ TAKEN = "exists already; --force replaces it"
         ("recover notes.mcap --out out", 1, "notes.mcap has no part of an MCAP file"),
         ("report talk --out notes.mcap", 1, f"notes.mcap {TAKEN}"),
         ("report talk --out taken --force", 1, "taken is not a folder of rpud"),
-        ("report talk --namespace /b", 1, "the bag holds no drill /b"),
+        ("report talk --namespace /b", 2, "talk holds no drill in '/b'; valid ones are /rpud"),
         ("verify no_journal", 1, "no_journal holds no journal; record the topic journal, or all"),
         ("verify", 2, "the following arguments are required: BAG"),
         ("test none --expect light.yaml", 1, "there is no bag at none"),

@@ -11,6 +11,7 @@ from sample_bags import SECOND, serialized
 from rpud_sim import bag as bags
 from rpud_sim.bag import Losses, Topic
 from rpud_sim.bag.metadata import LOSSES_RECORD, losses_to_record
+from rpud_sim.recorded import RecordingError
 from rpud_sim.verdicts import (
     Becomes,
     Expectation,
@@ -263,7 +264,9 @@ def test_stamps_of_another_clock_are_outside_the_recording(other_bag):
 
 def test_two_drills_in_a_bag_must_be_named(faulty_bag, tmp_path):
     path = merged(tmp_path / "bag", (faulty_bag, 0, "/one"), (faulty_bag, 0, "/two"))
-    with pytest.raises(ExpectationError, match="several drills, /one, /two"):
+    with pytest.raises(RecordingError, match="several drills: choose --namespace of /one, /two"):
         Record.from_bag(path, ["status"])
-    record = Record.from_bag(path, ["status"], "/two")
+    with pytest.raises(RecordingError, match="no drill in '/three'; valid ones are /one, /two"):
+        Record.from_bag(path, ["status"], "/three")
+    record = Record.from_bag(path, ["status"], "two")
     assert outcome(always(WEIGHT.equals("8 N")), record) == "passed"

@@ -15,11 +15,11 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.messages.cdr import Codec
 from rpud_sim.messages.definitions import find_definition, find_type_hash
 from rpud_sim.recorded.rebuild import rebuild
-from rpud_sim.viewer.frames import ClientState, StoreError, View, encode
+from rpud_sim.viewer.frames import ClientState, View, encode
 from rpud_sim.viewer.recorded import WAVEFORM, RecordedStore
 
 RATE = 1_000_000
@@ -213,7 +213,7 @@ def test_commands_and_faults_are_told_in_words(store):
 
 
 def test_what_a_bag_cannot_do_is_refused(store):
-    with pytest.raises(StoreError, match="no drill /other"):
+    with pytest.raises(ExpectedError, match="no drill in '/other'"):
         store.open(ClientState("/other"))
     with pytest.raises(ParameterError, match="no commands"):
         store.request(ClientState(DRILL), "act", {"name": "press", "arguments": {}})

@@ -8,8 +8,9 @@ import pytest
 from drill_client import start_drill
 from screen_client import ClosedError, ScreenClient, serving
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.client.listening_node import DrillFinder
-from rpud_sim.viewer.frames import ClientState, StoreError
+from rpud_sim.viewer.frames import ClientState
 from rpud_sim.viewer.live import LiveStore
 
 NAMESPACE = "/live_drill"
@@ -181,15 +182,15 @@ def test_pages_share_one_drill_and_one_that_has_gone_leaves_its_place(drill, mon
             for name in ("", NAMESPACE):
                 store.open(ClientState(name))
             [shared] = store.heard.values()
-            with pytest.raises(StoreError, match="there is no drill in /x"):
+            with pytest.raises(ExpectedError, match="there is no drill in /x"):
                 store.open(ClientState("/x"))
             monkeypatch.setattr(DrillFinder, "drills", lambda _: ["/x"])
-            with pytest.raises(StoreError, match="1 drills are shown already"):
+            with pytest.raises(ExpectedError, match="1 drills are shown already"):
                 store.open(ClientState("/x"))
             shared.error = "it has ended"
             store.open(ClientState("/x"))
             assert [*store.heard] == ["/x"]
-            with pytest.raises(StoreError, match="Invalid namespace"):
+            with pytest.raises(ExpectedError, match="Invalid namespace"):
                 LiveStore(finder, "/a b").open(ClientState())
         finally:
             store.end()

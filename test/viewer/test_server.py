@@ -15,9 +15,9 @@ from hypothesis.extra.numpy import arrays
 from screen_client import ClosedError, ScreenClient, serving
 
 import rpud_sim.viewer
-from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.viewer.frames import StoreError, View, encode
-from rpud_sim.viewer.server import ListenAddress, PageServer, ServerError
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
+from rpud_sim.viewer.frames import View, encode
+from rpud_sim.viewer.server import ListenAddress, PageServer
 
 PROXY = "; a proxy in between must keep the header Host"
 
@@ -34,7 +34,7 @@ class Numbers:
 
     def open(self, client):
         if client.drill not in ("", "/a", "/b"):
-            raise StoreError(f"there is no drill in {client.drill}")
+            raise ExpectedError(f"there is no drill in {client.drill}")
         self.clients.append(client.drill)
 
     def frame(self, client):
@@ -155,7 +155,7 @@ def test_others_need_the_token_which_becomes_a_cookie(store):
 def test_a_port_in_use_is_named():
     with (
         serving(Numbers()) as server,
-        pytest.raises(ServerError, match=f"port {server.port} of 127.0.0.1 is in use"),
+        pytest.raises(ExpectedError, match=f"port {server.port} of 127.0.0.1 is in use"),
     ):
         PageServer(Numbers(), ListenAddress(server.port))
 
