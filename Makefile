@@ -30,9 +30,6 @@ COLCON_BUILD := unset MAKEFLAGS MFLAGS && source toolchain/ros_env.bash && colco
 # Kernels compile while messages build.
 MAKEFLAGS += --jobs=2
 
-# It is set in many containers, and pytest then compiles all tests again in each of its processes.
-unexport PYTHONDONTWRITEBYTECODE
-
 ##@ Use
 .PHONY: setup
 setup: install/.package .venv/.extras install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
@@ -183,7 +180,6 @@ help: ## Show this help
 .venv/.rest: $(REST) .venv/.installed
 	@echo "Installing packages of tests and sweeps into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
-	@$(if $(PYTHONDONTWRITEBYTECODE),.venv/bin/python -W ignore toolchain/keep_bytecode.py _pytest xdist hypothesis coverage)
 	@touch $@
 
 # What exports and pictures need: a quarter of all, so that `make test` does without. Only extended tests use it.
@@ -230,10 +226,8 @@ install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/mod
 	@PYTHONPATH="$$PWD" .venv/bin/python -m toolchain.precompile
 	@touch $@
 
-# Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@echo "Building the package ..."
 	@find build install -xtype l -delete 2> /dev/null || true # else files that were removed stay, and fail
 	@$(COLCON_BUILD) rpud_sim
-	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@

@@ -43,6 +43,8 @@ _rpud_ros_env() {
 
   export VIRTUAL_ENV="$venv"
   unset PYTHONHOME
+  # It is set in many containers. Each start would compile all imported modules again, which takes seconds.
+  unset PYTHONDONTWRITEBYTECODE
   _rpud_prepend PATH "$venv/bin"
 
   export ROS_DOMAIN_ID="${ROS_DOMAIN_ID:-42}"

@@ -50,6 +50,13 @@ def test_sourcing_gives_the_commands_and_the_messages(shell):
     assert (result.stdout, result.stderr) == ("1\n", "")
 
 
+@shells
+def test_python_keeps_bytecode_where_a_container_forbids_it(shell):
+    variables = {"PYTHONDONTWRITEBYTECODE": "1"}
+    command = '. "$ENV"; python -c "import sys; print(sys.dont_write_bytecode)"'
+    assert run(shell, command, **variables).stdout == "False\n"
+
+
 @pytest.mark.parametrize(
     ("variables", "line"),
     [
