@@ -12,7 +12,7 @@ from typing import Any
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.verbs import verb
+from rpud_sim.foundation.verbs import DeclaredAttributes, verb
 from rpud_sim.scripting.runs import DrillRun, Faults, GrowingColumns, beginning_of
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.changes import Clear, Inject, parameter_changes
@@ -40,7 +40,7 @@ class _KeptJournal(Journal):
         return drained
 
 
-class Drill:
+class Drill(DeclaredAttributes):
     """Drill that a script steps: it has the words of the pytest fixture and of ``DrillClient``.
 
     ::
@@ -53,12 +53,6 @@ class Drill:
     It has the arguments of ``simulate``. A command takes effect immediately; an invalid value
     raises a ParameterError and changes nothing.
     """
-
-    # A misspelled attribute is an error, and no command without effect.
-    __slots__ = (
-        *("_begun", "_block", "_blocks", "_growing", "_journal", "_run", "_seen", "_so_far"),
-        "_swings",
-    )
 
     def __init__(
         self,
@@ -230,9 +224,7 @@ class Drill:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Drill:
         memo[id(self)] = twin = object.__new__(type(self))
-        for name in self.__slots__:
-            if hasattr(self, name):
-                setattr(twin, name, copy.deepcopy(getattr(self, name), memo))
+        vars(twin).update(copy.deepcopy(vars(self), memo))
         return twin
 
     def __copy__(self) -> Drill:
