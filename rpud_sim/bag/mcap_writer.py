@@ -36,6 +36,7 @@ from mcap.records import (
 
 from rpud_sim.bag.metadata import FileInformation, stored_name
 from rpud_sim.bag.records import ENTRY, HEAD, INDEX, MAGIC, MESSAGE, RECORD
+from rpud_sim.foundation.user_files import named_errors
 from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.encoder import items
 from rpud_sim.messages.errors import BagError
@@ -207,7 +208,7 @@ class McapWriter:
     @contextmanager
     def _writing(self) -> Iterator[None]:
         try:
-            with writing(self.path.parent):
+            with named_errors(self.path.parent, BagError):
                 yield
         except BagError:
             self.failed = True
@@ -249,15 +250,6 @@ class McapWriter:
         """Log times of the first and the last message in closed chunks [ns]; 0 without any."""
         first = min((each.message_start_time for each in self._chunk_indexes), default=0)
         return first, max((each.message_end_time for each in self._chunk_indexes), default=0)
-
-
-@contextmanager
-def writing(bag: Path) -> Iterator[None]:
-    """Replace errors of the disk by a BagError that names the bag."""
-    try:
-        yield
-    except OSError as error:
-        raise BagError(f"cannot write the bag {bag}: {error.strerror}") from error
 
 
 def _bytes_of(record: McapRecord) -> bytes:

@@ -70,7 +70,7 @@ def reading(path: Path) -> Iterator[None]:
     except FileNotFoundError as error:
         raise BagNotFoundError(f"{path} does not exist") from error
     except OSError as error:
-        raise BagError(f"cannot read {path}: {error.strerror or error}") from error
+        raise BagError(f"{path}: {error.strerror or error}") from error
     except BagFormatError as error:
         if str(path) in str(error):
             raise

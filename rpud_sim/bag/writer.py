@@ -17,7 +17,6 @@ from rpud_sim.bag.mcap_writer import (
     McapWriter,
     MessageRecords,
     interleaved,
-    writing,
 )
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -34,6 +33,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.foundation.atomic_folder import write_atomic
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.user_files import named_errors
 from rpud_sim.messages.batch import LATEST, Batch
 from rpud_sim.messages.errors import BagError, BagExistsError
 
@@ -84,7 +84,7 @@ class BagWriter:
         _create(self.path)
         try:
             self._open_file()
-            with writing(self.path):
+            with named_errors(self.path, BagError):
                 _sync(self.path.parent)
         except BaseException:
             self._discard()
@@ -202,7 +202,7 @@ class BagWriter:
         if self._file is None:
             return
         try:
-            with writing(self.path):
+            with named_errors(self.path, BagError):
                 if not self._file.failed:
                     self._complete_file()
                     _write_document(self.path, self._metadata(self._closed_files))
@@ -237,7 +237,7 @@ class BagWriter:
         for channel in self._channels:
             self._file.add_channel(*channel)
         self._file.flush()
-        with writing(self.path):
+        with named_errors(self.path, BagError):
             _sync(self.path)
 
     def _complete_file(self) -> None:
@@ -291,12 +291,10 @@ def _time_error(topic: str, log_time: int, publish_time: int) -> BagError:
 
 
 def _create(folder: Path) -> None:
-    try:
+    if os.path.lexists(folder):
+        raise BagExistsError(f"{folder} exists already; a bag is never overwritten")
+    with named_errors(folder, BagError):
         os.makedirs(folder)
-    except OSError as error:
-        if os.path.lexists(folder):
-            raise BagExistsError(f"{folder} exists already; a bag is never overwritten") from error
-        raise BagError(f"cannot create the bag {folder}: {error.strerror}") from error
 
 
 def _write_document(folder: Path, metadata: Mapping[str, Any]) -> None:

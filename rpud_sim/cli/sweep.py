@@ -12,7 +12,7 @@ from rpud_sim.cli.program import ExitCode, print_result
 from rpud_sim.foundation.atomic_folder import atomic_file
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.terminal import printable, table
+from rpud_sim.foundation.terminal import error_text, printable, table
 from rpud_sim.foundation.user_files import named_errors, open_file
 
 if TYPE_CHECKING:
@@ -85,12 +85,11 @@ def _read(path: str | None) -> list[dict[str, Any]]:
     pandas = import_extra("pandas", "a sweep", "pandas")
     if path is None:
         return [{}]
-    try:
-        with open_file(path) as file:
+    with named_errors(path, ParameterError), open_file(path) as file:
+        try:
             frame = pandas.read_csv(file)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ParameterError(f"{path}: {' '.join(str(reason).split())}") from None
+        except ValueError as error:
+            raise ParameterError(f"{path}: {error_text(error)}") from None
     return [
         {str(name): value for name, value in row.items() if not pandas.isna(value)}
         for row in frame.to_dict("records")

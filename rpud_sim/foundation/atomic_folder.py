@@ -11,6 +11,8 @@ from pathlib import Path
 
 from rpud_sim.foundation.user_files import named_errors
 
+EXISTS = "exists already; nothing is overwritten"
+
 # Suffix of the name of a file until it is complete
 UNFINISHED = ".unfinished"
 
@@ -25,7 +27,7 @@ def atomic_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     part = Path(f"{whole}.part")
     for existing, name in ((whole, os.fspath(out)), (part, f"{os.fspath(out)}.part")):
         if os.path.lexists(existing):
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), name)
+            raise FileExistsError(errno.EEXIST, EXISTS, name)
     part.mkdir(parents=True)
     try:
         yield part

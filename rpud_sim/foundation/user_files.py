@@ -10,21 +10,28 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from rpud_sim.foundation.quantities import did_you_mean
+from rpud_sim.foundation.quantities import ExpectedError, did_you_mean
 
 # A FIFO would wait for a writer, perhaps one that took the file's place after the first look.
 _READ = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 @contextmanager
-def named_errors(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Give each OSError the path, which errors in reading and writing an open file lack."""
+def named_errors(
+    path: str | os.PathLike[str], kind: type[ExpectedError] | None = None
+) -> Iterator[None]:
+    """Give each OSError the path, which errors in reading and writing an open file lack.
+
+    With ``kind`` it becomes an error of that class, ``PATH: reason``.
+    """
     try:
         yield
     except OSError as error:
         if error.errno is not None and error.filename is None:
             error.filename = os.fspath(path)
-        raise
+        if kind is None:
+            raise
+        raise kind(f"{error.filename or path}: {error.strerror or error}") from error
 
 
 def name_beside(path: str | os.PathLike[str]) -> str:
@@ -44,6 +51,8 @@ def open_file(path: str | os.PathLike[str]) -> BinaryIO:
             raise FileNotFoundError(
                 error.errno, f"{error.strerror}{name_beside(path)}", os.fspath(path)
             ) from None
+        except ValueError as error:  # a name with a null character
+            raise OSError(errno.EINVAL, str(error), os.fspath(path)) from None
         descriptor = os.open(path, _READ)
         try:
             _check(os.fstat(descriptor), path)

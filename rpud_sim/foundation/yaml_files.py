@@ -25,7 +25,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
 )
 from rpud_sim.foundation.terminal import error_text
-from rpud_sim.foundation.user_files import read_file
+from rpud_sim.foundation.user_files import named_errors, read_file
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
@@ -159,7 +159,7 @@ class YamlNode:
 
     value: Any
     file: str  # name of the file or of an option
-    kind: type[ValueError] = ParameterError  # class of the errors
+    kind: type[ParameterError] = ParameterError  # class of the errors
     lines: Lines = dataclasses.field(default_factory=dict)  # lines of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
@@ -173,13 +173,13 @@ class YamlNode:
         known = (self.place[:size] for size in range(len(self.place), -1, -1))
         return f"{self.file}:{next(self.lines[place] for place in known if place in self.lines)}: "
 
-    def error(self, text: str) -> ValueError:
+    def error(self, text: str) -> ParameterError:
         """Return an error in one line."""
         error = self.kind(self.prefix + text)
         vars(error)["place"] = self.place
         return error
 
-    def wrong(self, reason: str) -> ValueError:
+    def wrong(self, reason: str) -> ParameterError:
         """Return the error that this value is something else."""
         unnamed = dataclasses.replace(self, name="")
         return unnamed.error(f"{self.name} = {shown(self.value)} {reason}")
@@ -243,15 +243,12 @@ class YamlNode:
 
 
 def open_yaml(
-    path: str | Path, *, error: type[ValueError] = ParameterError, merge: bool = False
+    path: str | Path, *, error: type[ParameterError] = ParameterError, merge: bool = False
 ) -> YamlNode:
     """Return the YAML node of a file's value; ``merge`` accepts duplicate keys, as ROS does."""
     repeated: set[Place] | None = set() if merge else None
-    try:
+    with named_errors(path, error):
         content = read_file(path, MOST_BYTES + 1)
-    except (OSError, ValueError) as failure:  # a name with a null character is a ValueError
-        reason = failure.strerror if isinstance(failure, OSError) else failure
-        raise error(f"{path}: {reason}") from None
     if len(content) > MOST_BYTES:
         raise error(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
     try:
@@ -265,6 +262,6 @@ def open_yaml(
     return YamlNode(value, str(path), error, lines, repeated=repeated or frozenset())
 
 
-def yaml_node(value: Any, name: str, error: type[ValueError] = ParameterError) -> YamlNode:
+def yaml_node(value: Any, name: str, error: type[ParameterError] = ParameterError) -> YamlNode:
     """Return the YAML node of a value, with a name instead of a file's."""
     return YamlNode(value, name, error)

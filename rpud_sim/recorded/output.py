@@ -8,41 +8,31 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.foundation.atomic_folder import atomic_folder, write_atomic
+from rpud_sim.foundation.atomic_folder import EXISTS, atomic_folder, write_atomic
+from rpud_sim.foundation.user_files import named_errors
 from rpud_sim.recorded import RecordingError
 
 
 @contextmanager
 def new_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a folder that appears as ``out`` when it is complete, and not at all after an error."""
-    try:
-        with atomic_folder(out) as folder:
-            yield folder
-    except OSError as error:
-        raise RecordingError(_reason(out, error)) from error
+    with named_errors(out, RecordingError), atomic_folder(out) as folder:
+        yield folder
 
 
 def check_new_file(out: str | os.PathLike[str]) -> None:
-    """Raise an RecordingError if ``out`` exists, or its folder does not."""
+    """Raise a RecordingError if ``out`` exists, or its folder does not."""
     if os.path.lexists(out):
-        raise RecordingError(_reason(out, FileExistsError()))
+        raise RecordingError(f"{os.fspath(out)}: {EXISTS}")
     if not Path(out).parent.is_dir():
-        raise RecordingError(f"cannot write {out}: there is no folder {Path(out).parent}")
+        raise RecordingError(f"{os.fspath(out)}: there is no folder {Path(out).parent}")
 
 
 def write_new_file(out: str | os.PathLike[str], text: str) -> None:
     """Write a file that is there when it is complete, and not at all after an error."""
     check_new_file(out)
-    try:
+    with named_errors(out, RecordingError):
         write_atomic(Path(out), text)
-    except OSError as error:
-        raise RecordingError(_reason(out, error)) from error
-
-
-def _reason(out: str | os.PathLike[str], error: OSError) -> str:
-    if isinstance(error, FileExistsError):
-        return f"{error.filename or os.fspath(out)} exists already; nothing is overwritten"
-    return f"cannot write {os.fspath(out)}: {error.strerror or error}"
 
 
 class SkippedParts:

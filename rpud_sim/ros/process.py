@@ -23,7 +23,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from rpud_sim.foundation.user_files import open_file
+from rpud_sim.foundation.user_files import named_errors, open_file
 from rpud_sim.ros.environment import StartError, check_before_start
 from rpud_sim.ros.loopback import complete_environment
 
@@ -52,10 +52,8 @@ def start_ros(
         )
     for word, file in pairwise(arguments):
         if word == "--params-file" and os.path.exists(file):
-            try:
+            with named_errors(file, StartError):
                 open_file(file).close()  # rcl would wait for a writer to a FIFO
-            except OSError as error:
-                raise StartError(f"{file}: {error.strerror}") from None
     try:
         remove_ros_args(list(arguments))  # rclpy.init would print a second line
     except RuntimeError as error:  # RCLError

@@ -71,7 +71,7 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
     ("path", "error"),
     [
         *((path, "exists already; a bag is never overwritten") for path in ("run", "file", "")),
-        ("file/run", "cannot create the bag"),
+        ("file/run", "file/run: Not a directory"),
     ],
 )
 def test_nothing_is_overwritten(tmp_path, path, error):
@@ -138,7 +138,7 @@ def test_a_full_disk_is_one_clear_error(tmp_path, small_disk):
         bag.write(TALK.name, bytes(10_000), START, START)
         bag.flush()
     bag.write(TALK.name, bytes(10_000), START, START)
-    with pytest.raises(BagError, match=r"cannot write the bag .*run: File too large"):
+    with pytest.raises(BagError, match=r"/run: File too large"):
         bag.flush()
     bag.close()
     assert not (tmp_path / "run" / "metadata.yaml").exists()

@@ -126,7 +126,7 @@ TAKEN = "exists already; --force replaces it"
         (f"{COMPARE} --run 1 --run 1 --run 1", 2, "3 choices of a run for 2 bags: give 1 or 2"),
         (f"{COMPARE} --from 50", 1, "the runs have no time in common from 50 s to the end: "),
         ("compare drill talk", 1, "talk holds no topic of a drill"),
-        (f"{COMPARE} --out no/x.html", 1, "cannot write no/x.html: there is no folder no"),
+        (f"{COMPARE} --out no/x.html", 1, "no/x.html: there is no folder no"),
         (f"{COMPARE} --out notes.mcap", 1, f"notes.mcap {TAKEN}"),
     ],
 )

@@ -26,6 +26,7 @@ def test_what_is_no_regular_file_is_refused_without_waiting(tmp_path):
             if path != "/dev/stdin" or not os.path.isfile(path):
                 assert refusal(path) == (str(path), "is not a regular file")
     assert refusal(tmp_path) == (str(tmp_path), "Is a directory")
+    assert refusal("a\0b") == ("a\0b", "embedded null byte")
     assert refusal(tmp_path / "none") == (str(tmp_path / "none"), "No such file or directory")
 
 
