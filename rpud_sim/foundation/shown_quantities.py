@@ -6,22 +6,8 @@ import dataclasses
 import math
 from collections.abc import Mapping
 
-# Units in which quantities are shown, with the SI unit and the factor from it.
-_UNITS = {
-    "kN": ("N", 1e-3),
-    "kHz": ("Hz", 1e-3),
-    "mm": ("m", 1e3),
-    "mm/s": ("m/s", 1e3),
-    "ms": ("s", 1e3),
-    "mJ": ("J", 1e3),
-    "mN m": ("N m", 1e3),
-    "mm/min": ("m/s", 6e4),
-    "µm": ("m", 1e6),
-    "µs": ("s", 1e6),
-    "mm³": ("m^3", 1e9),
-    "/s": ("1/s", 1.0),
-    "°C": ("degC", 1.0),
-}
+from rpud_sim.foundation.units import PREFIXES, UNITS, Unit
+
 # Greatest credible size by SI unit: what is greater is garbage, such as of a faulty channel.
 _CREDIBLE = {
     "N": 1e6,
@@ -41,7 +27,6 @@ _CREDIBLE = {
 }
 NONE = "\N{EN DASH}"  # instead of a value that is not there
 GARBAGE = "garbage"  # instead of a value that nothing real has
-_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 # Units that are shown with a prefix; angles, and what has no unit, stay as they are.
 _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
 
@@ -64,7 +49,7 @@ class ShownQuantity:
     @property
     def si(self) -> str:
         """SI unit; empty for a pure number."""
-        return _UNITS.get(self.unit, (self.unit, 1.0))[0]
+        return UNITS.get(self.unit, Unit(self.unit)).si
 
     @property
     def credible(self) -> float:
@@ -161,8 +146,8 @@ collision_power | power lost in collisions | W | power | 1e-6 | | |
 
 def _row(text: str) -> ShownQuantity:
     name, label, unit, *more, axis, kind, types = (word.strip() for word in text.split("|"))
-    (colour, floor), (_, scale) = more, _UNITS.get(unit, (unit, 1.0))
-    given = name, label, unit, scale, colour, float(floor), types
+    (colour, floor), of = more, UNITS[unit]
+    given = name, label, unit, of.down / of.up, colour, float(floor), types
     return ShownQuantity(*given, zero=not axis, kind=kind or "line")
 
 
@@ -203,9 +188,10 @@ def quantity_in(unit: str, greatest: float) -> ShownQuantity:
         return ShownQuantity("", "", "g", 1e3)
     if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
         return ShownQuantity("", "", "/s" if unit == "1/s" else unit)
-    exponent = min(max(3 * (_exponent(greatest) // 3), -9), 9)
-    exponent = min(exponent, 0) if unit == "s" else exponent
-    return ShownQuantity("", "", _PREFIXES[exponent] + unit, float(f"1e{-exponent}"))
+    exponent = min(max(_exponent(greatest) // 3, -3), 0 if unit == "s" else 3)
+    prefix = "nµm kMG"[exponent + 3].strip()
+    up, down = PREFIXES[prefix]
+    return ShownQuantity("", "", prefix + unit, down / up)
 
 
 def for_browser() -> list[dict[str, object]]:

@@ -26,7 +26,7 @@ from rpud_sim.verdicts.formulas import (
     Signal,
     SignalFormula,
 )
-from rpud_sim.verdicts.units import ExpectationError, Number, to_si, unit_factor
+from rpud_sim.verdicts.units import ExpectationError, Number, find_unit, to_si
 
 # Types of the topics with relative names.
 TYPES: Mapping[str, str] = {
@@ -197,5 +197,5 @@ def check_use(part: SignalFormula, field: SignalField | None) -> None:
 def threshold(number: Number, field: SignalField | None, signal: Signal) -> float:
     """Return a number in the unit of a field; in SI if the field has no known unit."""
     if field is None or (not field.unit and signal.topic.startswith("/")):
-        return number.value * unit_factor(number.unit)[0]
+        return find_unit(number.unit).to_si(number.value)
     return to_si(number.value, number.unit, field.unit, str(signal))

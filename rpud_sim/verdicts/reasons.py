@@ -12,7 +12,7 @@ from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.notation import to_text
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import LEAST_TRUTH, MOST_TRUTH
-from rpud_sim.verdicts.units import WHOLE, Window, duration_text, unit_factor
+from rpud_sim.verdicts.units import WHOLE, Window, duration_text, find_unit
 
 # Why a formula is undecided whose event has not come; the event follows after a colon.
 NO_EVENT = "the event of after never came"
@@ -47,7 +47,7 @@ def why_undecided(expectation: Expectation, evaluation: Evaluation) -> str:
 def unit_of(record: Record, part: f.Compare | f.Quantile) -> str:
     """Return the SI unit of what a formula compares."""
     field = record.field(part.signal)
-    return (field.unit if field else "") or unit_factor(part.number.unit)[1]
+    return (field.unit if field else "") or find_unit(part.number.unit).si
 
 
 def _gap(evaluation: Evaluation, part: f.Formula) -> int | None:

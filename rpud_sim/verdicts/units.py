@@ -9,31 +9,9 @@ from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.units import PREFIXED, UNITS, Unit
 
 LONGEST = 1e9  # greatest duration in an expectation [s]
-
-_PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
-_PREFIXED = (
-    *("m", "s", "g", "N", "Hz", "V", "A", "W", "J", "K", "Pa", "ohm", "rad"),
-    *("N s", "N m", "m/s", "rad/s", "J/m^3"),
-)
-# Factor to the SI unit, and that unit.
-_UNITS = {
-    **{prefix + unit: (factor, unit) for unit in _PREFIXED for prefix, factor in _PREFIXES.items()},
-    **{prefix + "g": (factor / 1e3, "kg") for prefix, factor in _PREFIXES.items()},
-    "min": (60.0, "s"),
-    "h": (3600.0, "s"),
-    "degC": (1.0, "degC"),
-    "deg": (math.pi / 180.0, "rad"),
-    "%": (0.01, ""),
-    "mm/min": (1e-3 / 60.0, "m/s"),
-    "rpm": (math.pi / 30.0, "rad/s"),
-    "m^3": (1.0, "m^3"),
-    "cm^3": (1e-6, "m^3"),
-    "mm^3": (1e-9, "m^3"),
-    "": (1.0, ""),
-    "1": (1.0, ""),
-}
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
@@ -49,18 +27,17 @@ def parse_quantity(text: str) -> tuple[float, str]:
     number = float(match[1]) if match else math.nan
     if match is None or not math.isfinite(number):
         raise ExpectationError(f"{shown(text)} is not a number with a unit, such as 45 N")
-    unit_factor(match[2])
+    find_unit(match[2])
     return number, match[2]
 
 
-def unit_factor(unit: str) -> tuple[float, str]:
-    """Return the factor to the SI unit, and that unit."""
-    if unit not in _UNITS:
+def find_unit(name: str) -> Unit:
+    if name not in UNITS:
         # One letter resembles no other, and all names would be a long line.
-        alike = [name for name in _UNITS if name and name.lower() == unit.lower()]
-        hint = f"; did you mean {alike[0]}?" if alike else did_you_mean(unit, _PREFIXED)
-        raise ExpectationError(f"unit {shown(unit)} is unknown{hint}")
-    return _UNITS[unit]
+        alike = [each for each in UNITS if each and each.lower() == name.lower()]
+        hint = f"; did you mean {alike[0]}?" if alike else did_you_mean(name, PREFIXED)
+        raise ExpectationError(f"unit {shown(name)} is unknown{hint}")
+    return UNITS[name]
 
 
 def to_si(value: float, unit: str, wanted: str, name: str) -> float:
@@ -69,12 +46,12 @@ def to_si(value: float, unit: str, wanted: str, name: str) -> float:
     ``unit`` may only be empty for zero or for a field without a unit. ``wanted``, the field's unit,
     is empty for a pure number.
     """
-    factor, base = unit_factor(unit)
-    if base != wanted and not (value == 0.0 and unit == ""):
+    found = find_unit(unit)
+    if found.si != wanted and not (value == 0.0 and unit == ""):
         given = f"{value:g} {unit}".rstrip()
         needs = f"is in {wanted}" if wanted else "is a number without a unit"
         raise ExpectationError(f"{name} {needs}, given {given}")
-    return value * factor
+    return found.to_si(value)
 
 
 def parse_duration(value: str | float, name: str) -> int:
