@@ -19,8 +19,6 @@ from rpud_sim.cli.options import (
     add_options,
     command,
     fields_of,
-    new_output,
-    options_from,
     split_ros_arguments,
 )
 from rpud_sim.cli.program import (
@@ -106,10 +104,7 @@ def _execute(name: str, parser: Parser) -> None:
 
     def execute() -> int:
         words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        arguments = parser.parse_args(words)
-        options = options_from(arguments, same.fields)
-        with new_output(arguments, same.fields):
-            return same.run(options, ros_arguments)
+        return same.execute(parser.parse_args(words), ros_arguments)
 
     program = name if name == parser.prog else f"rpud {name}"
     run_program(parser.prog, lambda: report_errors(program, execute))

@@ -7,7 +7,7 @@ import importlib
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 
-from rpud_sim.cli.options import DECLARED, Command, Parser, add_options, new_output, options_from
+from rpud_sim.cli.options import DECLARED, Command, Parser, add_options
 from rpud_sim.cli.program import report_errors, run_program
 from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.foundation.verbs import VERBS
@@ -111,9 +111,7 @@ def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
         parser.prog = f"rpud {arguments.command}"
         parser.error(f"unrecognized arguments: {' '.join(further)}")
     arguments.further = further
-    options = options_from(arguments, chosen.fields)
-    with new_output(arguments, chosen.fields):
-        return chosen.run(options)
+    return chosen.execute(arguments)
 
 
 def main(words: Sequence[str] | None = None) -> None:

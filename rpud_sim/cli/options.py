@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -36,6 +37,16 @@ class Command(NamedTuple):
     fields: Fields  # its arguments
     run: Callable[..., int]  # takes the options, returns the exit code
     details: str  # sentences for its own help
+
+    def execute(self, arguments: argparse.Namespace, *more: Any) -> int:
+        """Run it with parsed arguments; an error names the options, not the arguments of Python."""
+        options = options_from(arguments, self.fields)
+        try:
+            with new_output(arguments, self.fields):
+                return self.run(options, *more)
+        except ExpectedError as error:
+            error.args = (_with_flags(str(error), self.fields),)
+            raise
 
 
 DECLARED: dict[str, Command] = {}
@@ -179,6 +190,14 @@ def new_output(arguments: argparse.Namespace, fields: Fields) -> Iterator[None]:
 
 def _flag(name: str, field: Any) -> str:
     return str(field.metadata.get("flag", f"--{name.replace('_', '-')}"))
+
+
+def _with_flags(text: str, fields: Fields) -> str:
+    """Return an error with ``--from = 1 s`` for ``begin = 1 s``; after a colon are other names."""
+    flags = {name: _flag(name, field) for name, field in fields.items()}
+    flags |= {flag[2:]: flag for flag in flags.values()}
+    head, colon, reason = text.partition(": ")
+    return re.sub(r"(?<!\S)\w+(?= = )", lambda m: flags.get(m[0], m[0]), head) + colon + reason
 
 
 def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespace:

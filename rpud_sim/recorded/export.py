@@ -71,7 +71,7 @@ def export(
         if 0 < bag.duration < start * SECOND:
             held = bag.duration / SECOND
             raise RecordingError(
-                f"--start = {start:g} s is not in the {held:g} s that the bag holds", code=2
+                f"start = {start:g} s is not in the {held:g} s that the bag holds", code=2
             )
         left_out = bag.left_out if topics is None else {}
         if left_out and len(left_out) == len(bag.readable_topics):

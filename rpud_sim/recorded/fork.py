@@ -127,7 +127,7 @@ class Fork:
         if why := recorded.lacks(None if duration is None else end):
             raise RecordingError(f"{why}; give a --duration that ends before")
         if end <= time:
-            at = f"--at = {time / SECOND:.9g} s"
+            at = f"at = {time / SECOND:.9g} s"
             raise RecordingError(f"nothing is left of the recorded run after {at}: give --duration")
         return end
 
@@ -279,6 +279,6 @@ def _check_instant(recorded: RecordedRun, time: int) -> None:
         return
     end, at = recorded.end / SECOND, time / SECOND
     if why := recorded.lacks(time):
-        raise RecordingError(f"--at = {at:.9g} s: {why}")
+        raise RecordingError(f"at = {at:.9g} s: {why}")
     which = f"run {recorded.number} of {recorded.runs} of the bag"
-    raise RecordingError(f"--at = {at:.9g} s is outside {which}: [0, {end:.9g}] s", code=2)
+    raise RecordingError(f"at = {at:.9g} s is outside {which}: [0, {end:.9g}] s", code=2)

@@ -214,7 +214,7 @@ class _Waveform:
         end = end_sample(held[-1], rate)
         if self.first >= end:
             raise RecordingError(
-                f"--start = {self._start:g} s is not in the {(end - begin) / rate:g} s that the "
+                f"start = {self._start:g} s is not in the {(end - begin) / rate:g} s that the "
                 "bag holds",
                 code=2,
             )

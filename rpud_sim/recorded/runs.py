@@ -243,7 +243,7 @@ def run_of(
     runs = runs_of(bag, topic, damages)
     if not 1 <= number <= len(runs):
         raise RecordingError(
-            f"--run = {number} is outside its range [1, {len(runs)}]: resets begin new ones",
+            f"run = {number} is outside its range [1, {len(runs)}]: resets begin new ones",
             code=2,
         )
     return runs[number - 1]

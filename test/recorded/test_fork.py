@@ -130,7 +130,7 @@ def without_entry(number):
     [
         (6, (0.15,), {}, "complete up to .* alone: .* 6 to 6 .* are missing"),
         (6, (0.01,), {}, "give a --duration that ends before"),
-        (None, (9.0,), {"run": 2}, "--at = 9 s is outside run 2 of 2 of the bag"),
+        (None, (9.0,), {"run": 2}, "at = 9 s is outside run 2 of 2 of the bag"),
         (None, (0.1,), {"topic": "/rpud/jurnal"}, "/rpud/jurnal; did you mean /rpud/journal?"),
     ],
 )

@@ -99,7 +99,7 @@ def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path, lost):
     ("topic", "options", "reason"),
     [
         ("waveform", {}, "holds no trajectory"),
-        extended("trajectory", {"start": 9.0}, r"--start = 9 s is not in the 0\.[34]\d* s that"),
+        extended("trajectory", {"start": 9.0}, r"start = 9 s is not in the 0\.[34]\d* s that"),
         ("trajectory", {"run": 2}, "there is no run 2"),
     ],
 )
