@@ -75,12 +75,20 @@ class Table:
             raise BagFormatError(summary.undefined)
         self.codec, self._fields = compiled(summary.topic.type, summary.definition)
         self._reader = FieldReader(self.codec, self._fields)
-        self._has_rows = holds_rows(summary.topic.type, self._fields)
+        # Messages of some types are blocks of rows.
+        needed = _TIME_COLUMNS.get(summary.topic.type)
+        simple = all(each.kind not in (Kind.ARRAY, Kind.NESTED) for each in self._fields)
+        names = {each.name for each in self._fields}
+        self._has_rows = simple and needed is not None and needed <= names
 
     @property
     def columns(self) -> tuple[Column, ...]:
+        """Columns of the table; of rows ``TIME``, and numbers instead of sequences."""
         columns = (*_RECEIVED, *self._fields)
-        return row_columns(columns) if self._has_rows else columns
+        if not self._has_rows:
+            return columns
+        rows = (replace(e, kind=Kind.NUMBER) if e.kind is Kind.SEQUENCE else e for e in columns)
+        return (TIME, *rows)
 
     def parts(self, batch: Batch, limit: int) -> Iterator[tuple[Batch, int]]:
         """Yield a batch in parts of a size, with their sizes; what fills less than two is whole."""
@@ -267,28 +275,10 @@ def to_frame(
     return frame
 
 
-def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
-    """Return whether messages of a type with these columns are blocks of rows."""
-    names = {column.name for column in columns}
-    simple = all(column.kind not in (Kind.ARRAY, Kind.NESTED) for column in columns)
-    return type_name in _TIME_COLUMNS and _TIME_COLUMNS[type_name] <= names and simple
-
-
-def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """Return the columns of the table of rows: ``TIME``, and numbers instead of sequences."""
-    return (
-        TIME,
-        *(
-            replace(column, kind=Kind.NUMBER) if column.kind is Kind.SEQUENCE else column
-            for column in columns
-        ),
-    )
-
-
 def to_rows(
     columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Sequences]
 ) -> dict[str, np.ndarray]:
-    """Return the values of ``row_columns``, one for each row, from the values of blocks.
+    """Return the values of ``Table.columns``, one for each row, from the values of blocks.
 
     Each row has the values that its block has once. ``sequence`` is the number of the row.
     """

@@ -97,7 +97,7 @@ def _test_campaign(options: Any) -> int:
 
 
 def _test_bag(options: Any, expect: str) -> int:
-    from rpud_sim.verdicts import ExpectationError, Record, evaluate, read_expectations
+    from rpud_sim.verdicts import Record, evaluate, read_expectations
     from rpud_sim.verdicts.verdict import OUTCOMES, junit_xml
 
     expectations = read_expectations(expect)
@@ -108,7 +108,7 @@ def _test_bag(options: Any, expect: str) -> int:
         )
     try:
         verdicts = [evaluate(each, record) for each in expectations]
-    except ExpectationError as error:  # they fit the types: a message holds an impossible value
+    except ParameterError as error:  # they fit the types: a message holds an impossible value
         raise ExpectedError(error) from error
     for topic in topics:
         if lost := record.missing(topic).total:

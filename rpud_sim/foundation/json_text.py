@@ -10,10 +10,6 @@ from typing import Any
 from rpud_sim.foundation.quantities import ExpectedError
 
 
-class NotFiniteError(ExpectedError, ValueError):
-    """A number is NaN or infinite where JSON is to be written; the text names it."""
-
-
 def name_of(number: float) -> str:
     """Return the name of a number that JSON lacks: ``NaN``, ``Infinity`` or ``-Infinity``."""
     return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"
@@ -29,15 +25,15 @@ def finite_values(value: Any, instead: Callable[[float], object] = lambda number
 
 
 def check_finite(value: Any) -> None:
-    """Raise ``NotFiniteError`` if there is NaN or infinity in plain values."""
+    """Raise ``ExpectedError`` if there is NaN or infinity in plain values."""
     for name, number in _not_finite(value, ""):
-        raise NotFiniteError(f"{name or 'the result'} = {number} is not a finite number")
+        raise ExpectedError(f"{name or 'the result'} = {number} is not a finite number")
 
 
 def json_text(value: Any, **layout: Any) -> str:
     """Return plain values as JSON; ``layout`` goes to ``json.dumps``.
 
-    NaN or infinity raises ``NotFiniteError``. Where null is documented for them, call
+    NaN or infinity raises ``ExpectedError``. Where null is documented for them, call
     ``finite_values`` before.
     """
     try:

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.json_text import NotFiniteError, finite_values, json_text, name_of
+from rpud_sim.foundation.json_text import finite_values, json_text, name_of
+from rpud_sim.foundation.quantities import ExpectedError
 
 
 @dataclass(frozen=True)
@@ -69,5 +70,5 @@ def to_json(value: Any) -> str:
     plain = value.tolist() if isinstance(value, np.ndarray) else value
     try:
         return json_text(plain, ensure_ascii=False)
-    except NotFiniteError:
+    except ExpectedError:
         return json_text(finite_values(plain, name_of), ensure_ascii=False)

@@ -159,7 +159,6 @@ class YamlNode:
 
     value: Any
     file: str  # name of the file or of an option
-    kind: type[ParameterError] = ParameterError  # class of the errors
     lines: Lines = dataclasses.field(default_factory=dict)  # lines of places; empty if unknown
     name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
@@ -175,7 +174,7 @@ class YamlNode:
 
     def error(self, text: str) -> ParameterError:
         """Return an error in one line."""
-        error = self.kind(self.prefix + text)
+        error = ParameterError(self.prefix + text)
         vars(error)["place"] = self.place
         return error
 
@@ -242,26 +241,24 @@ class YamlNode:
         return dataclasses.replace(self, value=value, name=name, place=(*self.place, str(key)))
 
 
-def open_yaml(
-    path: str | Path, *, error: type[ParameterError] = ParameterError, merge: bool = False
-) -> YamlNode:
+def open_yaml(path: str | Path, *, merge: bool = False) -> YamlNode:
     """Return the YAML node of a file's value; ``merge`` accepts duplicate keys, as ROS does."""
     repeated: set[Place] | None = set() if merge else None
-    with named_errors(path, error):
+    with named_errors(path, ParameterError):
         content = read_file(path, MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
-        raise error(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
+        raise ParameterError(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
     try:
         value, lines = _read_yaml(content.decode("utf-8"), repeated)
     except UnicodeDecodeError as failure:
         line = content.count(b"\n", 0, failure.start) + 1
-        byte = f"0x{content[failure.start]:02x}"
-        raise error(f"{path} is not YAML: line {line}: the byte {byte} is not UTF-8") from None
+        reason = f"line {line}: the byte 0x{content[failure.start]:02x} is not UTF-8"
+        raise ParameterError(f"{path} is not YAML: {reason}") from None
     except ParameterError as failure:
-        raise error(f"{path} {failure}") from None
-    return YamlNode(value, str(path), error, lines, repeated=repeated or frozenset())
+        raise ParameterError(f"{path} {failure}") from None
+    return YamlNode(value, str(path), lines, repeated=repeated or frozenset())
 
 
-def yaml_node(value: Any, name: str, error: type[ParameterError] = ParameterError) -> YamlNode:
+def yaml_node(value: Any, name: str) -> YamlNode:
     """Return the YAML node of a value, with a name instead of a file's."""
-    return YamlNode(value, name, error)
+    return YamlNode(value, name)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rpud_sim.messages.definition_text import PRIMITIVES, TYPE_NAME, long_name
-from rpud_sim.messages.errors import DefinitionNotFoundError
+from rpud_sim.messages.errors import BagError
 
 if TYPE_CHECKING:
     from mcap.records import Schema
@@ -89,7 +89,7 @@ def find_type_hash(type_name: str) -> str:
     places = _places()
     try:
         description = _read(type_name, places, ".json")
-    except DefinitionNotFoundError:
+    except BagError:
         return installed_codec(type_name).type_hash
     try:
         for entry in json.loads(description)["type_hashes"]:
@@ -97,7 +97,7 @@ def find_type_hash(type_name: str) -> str:
                 return str(entry["hash_string"])
     except (KeyError, TypeError, ValueError):
         pass
-    raise DefinitionNotFoundError(f"the installed description of {type_name} has no type hash")
+    raise BagError(f"the installed description of {type_name} has no type hash")
 
 
 def _places() -> list[Path]:
@@ -108,9 +108,7 @@ def _places() -> list[Path]:
 def _split(type_name: str) -> tuple[str, str]:
     match = TYPE_NAME.fullmatch(type_name)
     if match is None:
-        raise DefinitionNotFoundError(
-            f"message type is {type_name!r}; it must be of the form package/msg/Name"
-        )
+        raise BagError(f"message type is {type_name!r}; it must be of the form package/msg/Name")
     return match[1], match[2]
 
 
@@ -124,7 +122,7 @@ def _read(type_name: str, places: list[Path], suffix: str) -> str:
         file = place / package / "msg" / f"{name}{suffix}"
         if file.is_file():
             return file.read_text(encoding="utf-8")
-    raise DefinitionNotFoundError(
+    raise BagError(
         f"no definition of {type_name} under AMENT_PREFIX_PATH (share/{package}/msg/{name}{suffix})"
     )
 

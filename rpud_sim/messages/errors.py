@@ -56,10 +56,6 @@ class OtherStorageError(BagFormatError):
     """Error of a bag that rosbag2 can read, and that must be converted to be read here."""
 
 
-class DefinitionNotFoundError(BagError):
-    """Error of a message type whose definition is not on the search path."""
-
-
 @contextmanager
 def parsing(what: str) -> Iterator[None]:
     """Replace the errors of a value of the wrong form by a BagFormatError that names the value."""

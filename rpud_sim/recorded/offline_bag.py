@@ -34,17 +34,16 @@ def write_offline_bag(
     scenario_text: str = "",
     report: Callable[[float], object] = lambda seconds: None,
     topics: Collection[str] = tuple(TOPICS),
-    manifest: Manifest | None = None,
     on_block: Callable[[Block], object] = lambda block: None,
 ) -> None:
     """Simulate a run for a duration [s] and write a bag of it, whose clock is simulation time.
 
     The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
-    Its manifest is by default that of this program and machine. ``on_block`` is as of ``Run``.
+    Its manifest is that of this program and machine. ``on_block`` is as of ``Run``.
     """
     values = plan.beginning.settings.values()
     chosen = {n: topic for n, topic in kept_topics(values).items() if n in topics}
-    manifest = manifest or new_manifest(values, scenario_text)
+    manifest = new_manifest(values, scenario_text)
     with drill_bag(path, f"{NAMESPACE}/", chosen, manifest) as writer:
         for batches in run_batches(plan, round(duration * SECOND), chosen, report, on_block):
             writer.write(batches)

@@ -33,7 +33,6 @@ from rpud_sim.simulation.block import Block, first_sample
 from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.faults import FaultError
 from rpud_sim.simulation.metrics import Metrics
 from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.run import Run
@@ -143,7 +142,7 @@ def _changes(faults: Faults, seed: int | None) -> tuple[Change, ...]:
     entries: Any = [faults] if isinstance(faults, str | Mapping) else faults
     if isinstance(entries, Iterable):
         entries = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
-    return scenario_at(yaml_node({"faults": entries}, "faults", FaultError), seed)
+    return scenario_at(yaml_node({"faults": entries}, "faults"), seed)
 
 
 def _path(name: str, value: Any) -> Path:

@@ -13,7 +13,7 @@ units::
     for batch in run.advance_to(1_000_000_000):
         found[batch.topic] = found.get(batch.topic, 0) + len(batch)
 
-Errors are a ``ParameterError``, or its subclass ``FaultError``, for unusable values, and an
+Errors are a ``ParameterError`` for unusable values, and an
 ``EngineError`` for a simulation that cannot continue. Other modules of this package are private
 and change without notice.
 """
@@ -41,7 +41,7 @@ from rpud_sim.simulation.configuration import (
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, phases_of, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
+from rpud_sim.simulation.faults import Fault, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import CommandCounts
 from rpud_sim.simulation.metrics import METRICS, Metrics
 from rpud_sim.simulation.plan import Beginning, Journal, JournalEntry, Plan, initial_phases
@@ -72,7 +72,6 @@ __all__ = [
     "EngineError",
     "Ensemble",
     "Fault",
-    "FaultError",
     "FaultLedger",
     "FaultRecord",
     "Feed",

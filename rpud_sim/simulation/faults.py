@@ -34,10 +34,6 @@ from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 MOST_DAMPING_RATIO = 0.99
 
 
-class FaultError(ParameterError):
-    """Unusable fault; the text explains why, in one line."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Fault:
     """Fault, immutable."""
@@ -51,7 +47,7 @@ class Fault:
     def __post_init__(self) -> None:
         if not (isinstance(self.kind, str) and self.kind in KINDS):
             hint = did_you_mean(self.kind, KINDS)
-            raise FaultError(f"fault kind = {shown(self.kind)} is unknown{hint}")
+            raise ParameterError(f"fault kind = {shown(self.kind)} is unknown{hint}")
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
@@ -69,19 +65,19 @@ class Fault:
     def _check_channel(self) -> None:
         channel = self.channel
         if self.physical and channel != "":
-            raise FaultError(
+            raise ParameterError(
                 f"{self.kind} is a fault of the drill and has no channel, given {shown(channel)}"
             )
         if self.physical or (isinstance(channel, str) and channel in CHANNELS):
             return
         if channel in GROUND_TRUTH:
-            raise FaultError(
+            raise ParameterError(
                 f"{self} is rejected: it is the ground truth; "
                 f"channels that may fail are {', '.join(CHANNELS)}"
             )
         if channel == "":
-            raise FaultError(f"{self.kind} needs a channel: one of {', '.join(CHANNELS)}")
-        raise FaultError(
+            raise ParameterError(f"{self.kind} needs a channel: one of {', '.join(CHANNELS)}")
+        raise ParameterError(
             f"channel of {self.kind} = {shown(channel)} is unknown{did_you_mean(channel, CHANNELS)}"
         )
 
@@ -91,7 +87,7 @@ class Fault:
         left_open = isinstance(given, float) and math.isnan(given)
         if quantity is None:
             if not (left_open or given == 0.0):
-                raise FaultError(f"{self} has no magnitude, given {shown(given)}")
+                raise ParameterError(f"{self} has no magnitude, given {shown(given)}")
             return 0.0
         default = kind.default_on(self.channel)
         if left_open:
@@ -100,9 +96,9 @@ class Fault:
         try:
             number = float(quantity.check(f"magnitude of {self}", given))
         except ParameterError as error:
-            raise FaultError(f"{error}; {hint}") from None
+            raise ParameterError(f"{error}; {hint}") from None
         if number == kind.unchanging:
-            raise FaultError(f"magnitude of {self} = {number:g} would change nothing; {hint}")
+            raise ParameterError(f"magnitude of {self} = {number:g} would change nothing; {hint}")
         return number
 
 
@@ -113,7 +109,7 @@ def check_supported(fault: Fault, configuration: Configuration) -> None:
         needs = (CHANNEL_NEEDS[fault.channel], *needs)
     for need in needs:
         if reason := need(fault.magnitude, configuration):
-            raise FaultError(f"{fault} is not possible: it {reason}")
+            raise ParameterError(f"{fault} is not possible: it {reason}")
 
 
 def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
@@ -123,7 +119,7 @@ def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
         try:
             fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
             check_supported(fault, configuration)
-        except FaultError:
+        except ParameterError:
             return False
         return True
 
@@ -204,7 +200,7 @@ class FaultLedger:
     def inject(self, time: int, fault: Fault) -> int:
         for record in self.active:
             if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
-                raise FaultError(f"{fault} is already there as fault {record.number}")
+                raise ParameterError(f"{fault} is already there as fault {record.number}")
         self._number += 1
         self.active = (*self.active, FaultRecord(self._number, fault, time))
         return self._number
@@ -212,7 +208,7 @@ class FaultLedger:
     def clear(self, time: int, number: int) -> FaultRecord:
         found = [record for record in self.active if record.number == number]
         if not found:
-            raise FaultError(f"there is no fault {shown(number)} to clear")
+            raise ParameterError(f"there is no fault {shown(number)} to clear")
         ended = dataclasses.replace(found[0], clear=time)
         self.active = tuple(record for record in self.active if record is not found[0])
         self.forgotten += len(self._cleared) == MOST_CLEARED

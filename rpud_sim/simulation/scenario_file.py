@@ -19,7 +19,7 @@ from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, in_order
 from rpud_sim.simulation.commands import Drive, DriveChange, Feed, MountMotion, WeightOnBit
 from rpud_sim.simulation.configuration import parse_assignment
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import Fault
 
 ONSET = Quantity("s", "simulation time at which a fault begins", 0.0, 1e6)
 DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
@@ -146,11 +146,11 @@ class _CommandFile(_ScenarioFile):
 
 def read_scenario(path: str | Path, seed: int | None = None) -> tuple[Change, ...]:
     """Return the faults of a scenario file; a seed, zero or more, replaces the file's."""
-    return scenario_at(open_yaml(path, error=FaultError), seed)
+    return scenario_at(open_yaml(path), seed)
 
 
 def parse_scenario(content: Any, name: str) -> tuple[Change, ...]:
-    return scenario_at(yaml_node(content, name, FaultError))
+    return scenario_at(yaml_node(content, name))
 
 
 def scenario_at(top: YamlNode, seed: int | None = None) -> tuple[Change, ...]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.process import ProcessState
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import Buffers
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
@@ -19,7 +20,6 @@ from rpud_sim.simulation.configuration import Configuration, with_defaults
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.faults import (
     Fault,
-    FaultError,
     FaultLedger,
     check_supported,
     effects_of,
@@ -218,7 +218,7 @@ class Simulation:
             fault = Fault(which.kind, which.channel)
             own = [r for r in self.faults.active if str(r.fault) == str(fault)]
             if not own:
-                raise FaultError(f"there is no {fault} to clear")
+                raise ParameterError(f"there is no {fault} to clear")
             number = own[0].number
         if number:
             fault = self.faults.clear(self.time, number).fault

@@ -26,7 +26,7 @@ from rpud_sim.simulation.configuration import (
     to_settings,
 )
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError, check_supported
+from rpud_sim.simulation.faults import Fault, check_supported
 from rpud_sim.simulation.scenario_file import scenario_at
 from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS
 
@@ -96,7 +96,7 @@ def drill_setup(
     values.pop("seed", None)
     scenario, injected = NO_FAULTS, tuple[Fault, ...]()
     if faults is not None:
-        place = place or yaml_node(options, "faults", FaultError)
+        place = place or yaml_node(options, "faults")
         scenario, injected = _scenario(faults, folders, settings.configuration, place)
     return DrillSetup(values, settings.seed, scenario, namespace, injected)
 
@@ -127,7 +127,7 @@ def _scenario(
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
         file = find_file(faults, "faults", folders)
-        top = open_yaml(file, error=FaultError)
+        top = open_yaml(file)
     else:
         entries = [faults] if isinstance(faults, str | Mapping) else faults
         if not isinstance(entries, list | tuple):
@@ -140,6 +140,6 @@ def _scenario(
     for fault, prefix in scheduled:
         try:
             check_supported(fault, configuration)
-        except FaultError as error:
-            raise FaultError(f"{prefix}{error}") from None
+        except ParameterError as error:
+            raise ParameterError(f"{prefix}{error}") from None
     return yaml.safe_dump(top.value), tuple(fault for fault, _ in scheduled)

@@ -1,7 +1,7 @@
 """Expectations over time, and verdicts on them from a bag or live.
 
 An expectation that cannot be used, by itself or with the topics of a bag, raises an
-``ExpectationError`` of one line, and a bag that cannot be read a ``BagError``.
+``ParameterError`` of one line, and a bag that cannot be read a ``BagError``.
 """
 
 from rpud_sim.verdicts.formulas import Active, Becomes, Cleared, Formula, Onset, Published, Signal
@@ -18,7 +18,6 @@ from rpud_sim.verdicts.notation import (
     until,
 )
 from rpud_sim.verdicts.record import Record
-from rpud_sim.verdicts.units import ExpectationError
 from rpud_sim.verdicts.verdict import Verdict, evaluate
 
 __all__ = [
@@ -26,7 +25,6 @@ __all__ = [
     "Becomes",
     "Cleared",
     "Expectation",
-    "ExpectationError",
     "Formula",
     "Onset",
     "Published",

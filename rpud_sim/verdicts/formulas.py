@@ -9,12 +9,11 @@ import dataclasses
 import warnings
 from collections.abc import Iterator
 
-from rpud_sim.foundation.quantities import shown
+from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.verdicts.units import (
     WHOLE,
     ZERO,
-    ExpectationError,
     Number,
     Window,
     to_number,
@@ -113,9 +112,9 @@ class Compare(Formula):
     def __post_init__(self) -> None:
         _check_operator(self.operator)
         if self.tolerance.value and self.operator not in ("==", "!="):
-            raise ExpectationError(f"a tolerance goes with == and !=, not with {self.operator}")
+            raise ParameterError(f"a tolerance goes with == and !=, not with {self.operator}")
         if self.tolerance.value < 0.0:
-            raise ExpectationError(f"tolerance = {self.tolerance} is below zero")
+            raise ParameterError(f"tolerance = {self.tolerance} is below zero")
 
     def __str__(self) -> str:
         tolerance = f" +- {self.tolerance}" if self.tolerance != ZERO else ""
@@ -133,7 +132,7 @@ class HasText(Formula):
         word = self.word
         fits = isinstance(word, bool) or (isinstance(word, str) and word == word.strip() != "")
         if not fits or word in ("true", "false"):
-            raise ExpectationError(f"{self.signal} is {shown(word)}: that is not a word")
+            raise ParameterError(f"{self.signal} is {shown(word)}: that is not a word")
 
     def __str__(self) -> str:
         word = str(self.word).lower() if isinstance(self.word, bool) else self.word
@@ -146,7 +145,7 @@ class _OfFault:
 
     def __post_init__(self) -> None:
         if not isinstance(self.fault, str):
-            raise ExpectationError(f"fault = {shown(self.fault)} is not a kind of fault")
+            raise ParameterError(f"fault = {shown(self.fault)} is not a kind of fault")
         Fault(*self.kind_and_channel)
 
     @property
@@ -177,9 +176,9 @@ class Published(Event):
 
     def __post_init__(self) -> None:
         if not isinstance(self.where, Compare | HasText | None):
-            raise ExpectationError("where is not a comparison")
+            raise ParameterError("where is not a comparison")
         if self.where is not None and self.where.signal.topic != self.topic:
-            raise ExpectationError(
+            raise ParameterError(
                 f"a message of {self.topic} has no {self.where.signal}; name a field of its topic"
             )
 
@@ -192,7 +191,7 @@ class Becomes(Event):
 
     def __post_init__(self) -> None:
         if isinstance(self.formula, Event):
-            raise ExpectationError("an event is an instant, and becomes nothing")
+            raise ParameterError("an event is an instant, and becomes nothing")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -208,7 +207,7 @@ class _Several(Formula):
 
     def __post_init__(self) -> None:
         if not self.formulas:
-            raise ExpectationError("all and any need at least one formula")
+            raise ParameterError("all and any need at least one formula")
 
 
 class And(_Several):
@@ -252,7 +251,7 @@ class Until(Formula):
 
     def __post_init__(self) -> None:
         if self.weak and self.window != WHOLE:
-            raise ExpectationError("unless has no window: its goal may come at any time, or never")
+            raise ParameterError("unless has no window: its goal may come at any time, or never")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -275,9 +274,9 @@ class Count(Formula):
     def __post_init__(self) -> None:
         _check_operator(self.operator)
         if not isinstance(self.event, Event):
-            raise ExpectationError("count needs an event: onset, cleared, message or becomes")
+            raise ParameterError("count needs an event: onset, cleared, message or becomes")
         if not 0.0 <= self.number < 1e15:
-            raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
+            raise ParameterError(f"count = {self.number:g} is outside its range [0, 1e15)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -293,7 +292,7 @@ class Quantile(Formula):
     def __post_init__(self) -> None:
         _check_operator(self.operator)
         if not 0.0 < self.share <= 1.0:
-            raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
+            raise ParameterError(f"quantile = {self.share:g} is outside its range (0, 1]")
 
 
 SignalFormula = Compare | HasText | Quantile
@@ -301,4 +300,4 @@ SignalFormula = Compare | HasText | Quantile
 
 def _check_operator(operator: str) -> None:
     if operator not in OPERATORS:
-        raise ExpectationError(f"{shown(operator)} is not one of {', '.join(OPERATORS)}")
+        raise ParameterError(f"{shown(operator)} is not one of {', '.join(OPERATORS)}")

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import Kind
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.messages.columns import objects
 from rpud_sim.verdicts.names import SignalField
 from rpud_sim.verdicts.steps import HIGH, LOW
-from rpud_sim.verdicts.units import ExpectationError
 
 # Fields that never decrease in a run; their sums put messages of one stamp in order.
 _COUNTERS = {
@@ -88,7 +88,7 @@ class TopicBatch:
         if self.columns is None:
             return [reduce(get, name.split("."), message) for message in self.messages]
         if name not in self.columns:
-            raise ExpectationError(f"the messages of the bag have no field {name!r}")
+            raise ParameterError(f"the messages of the bag have no field {name!r}")
         return self.columns[name]
 
 
@@ -176,7 +176,7 @@ class TopicMessages:
             for name in names:
                 key += np.array([int(value or 0) for value in self.column(name)], np.int64)
         except (OverflowError, TypeError, ValueError) as error:
-            raise ExpectationError(
+            raise ParameterError(
                 f"{self._topic}: {', '.join(names)}: {error_text(error)}"
             ) from None
         return key
@@ -200,4 +200,4 @@ class TopicMessages:
         try:
             return values.astype(bool if field.is_flag else float)
         except (TypeError, ValueError) as error:
-            raise ExpectationError(f"{self._topic}.{column.name}: {error_text(error)}") from None
+            raise ParameterError(f"{self._topic}.{column.name}: {error_text(error)}") from None

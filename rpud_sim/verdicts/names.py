@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from rpud_sim.bag import Column, Kind
-from rpud_sim.foundation.quantities import did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.columns import RECEIVED
 from rpud_sim.recorded.drill_tables import drill_table
@@ -26,7 +26,7 @@ from rpud_sim.verdicts.formulas import (
     Signal,
     SignalFormula,
 )
-from rpud_sim.verdicts.units import ExpectationError, Number, find_unit, to_si
+from rpud_sim.verdicts.units import Number, find_unit, to_si
 
 # Types of the topics with relative names.
 TYPES: Mapping[str, str] = {
@@ -128,27 +128,27 @@ def find_field(signal: Signal, columns: tuple[Column, ...]) -> SignalField:
     known = {column.name: column for column in columns}
     if base not in known:
         hint = did_you_mean(base, [each for each in known if not each.startswith("header.")])
-        raise ExpectationError(f"{topic} has no field {shown(base)}{hint}")
+        raise ParameterError(f"{topic} has no field {shown(base)}{hint}")
     column = known[base]
     if column.kind is Kind.NESTED:
         hint = "; use fault, onset or cleared" if topic == "faults" else ""
-        raise ExpectationError(f"{topic}.{base} is a list of messages, not a signal{hint}")
+        raise ParameterError(f"{topic}.{base} is a list of messages, not a signal{hint}")
     many = column.kind in (Kind.ARRAY, Kind.SEQUENCE)
     if many and index is None:
-        raise ExpectationError(f"{topic}.{base} has many values; name one of them, as {base}[0]")
+        raise ParameterError(f"{topic}.{base} has many values; name one of them, as {base}[0]")
     if index is not None and not many:
-        raise ExpectationError(f"{topic}.{base} is one value, and has no [{index}]")
+        raise ParameterError(f"{topic}.{base} is one value, and has no [{index}]")
     if index is not None and column.kind is Kind.ARRAY and index >= column.length:
-        raise ExpectationError(f"{topic}.{base} has {column.length} values, and no [{index}]")
+        raise ParameterError(f"{topic}.{base} has {column.length} values, and no [{index}]")
     unit = column.unit or _STANDARD_UNITS.get(f"{topic}.{base}", "")
     return SignalField(dataclasses.replace(column, unit=unit), index)
 
 
 def _check_topic(topic: str) -> None:
-    """Raise an ExpectationError if a relative name is none of the drill's topics."""
+    """Raise an ParameterError if a relative name is none of the drill's topics."""
     if not topic.startswith("/") and topic not in TYPES:
         hint = did_you_mean(topic, TYPES)
-        raise ExpectationError(
+        raise ParameterError(
             f"topic {shown(topic)} is none of the drill's{hint} (others begin with /)"
         )
 
@@ -173,7 +173,7 @@ def _check_formula(formula: Formula) -> None:
 
 def _check_kind(formula: object) -> None:
     if not isinstance(formula, Formula):
-        raise ExpectationError(
+        raise ParameterError(
             f"{shown(formula)} is not a formula; compare by <, <=, >, >=, equals or has_text"
         )
 
@@ -182,13 +182,13 @@ def check_use(part: SignalFormula, field: SignalField | None) -> None:
     """Check that a field has the kind and unit with which a formula uses it; None passes."""
     if isinstance(part, HasText):
         if field is not None and not field.has_text:
-            raise ExpectationError(f"{part.signal} is a number: compare it with ==")
+            raise ParameterError(f"{part.signal} is a number: compare it with ==")
         if field is not None and field.is_flag is not isinstance(part.word, bool):
             kind = "true or false" if field.is_flag else "a text"
-            raise ExpectationError(f"{part.signal} is {kind}, given {shown(part.word)}")
+            raise ParameterError(f"{part.signal} is {kind}, given {shown(part.word)}")
         return
     if field is not None and field.has_text:
-        raise ExpectationError(f"{part.signal} is not a number: write {part.signal} is WORD")
+        raise ParameterError(f"{part.signal} is not a number: write {part.signal} is WORD")
     threshold(part.number, field, part.signal)
     if isinstance(part, Compare):
         threshold(part.tolerance, field, part.signal)

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import rpud_sim.verdicts.formulas as f
-from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.schema import Reader, key, line, list_of, raw_reader, read
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
     NUMBER,
     WHOLE,
-    ExpectationError,
     Number,
     duration_text,
     parse_quantity,
@@ -31,7 +30,7 @@ def signal(name: str) -> f.Signal:
     """Return a signal by topic and field, as in ``reacting_force.force``."""
     match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
     if match is None:
-        raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
+        raise ParameterError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
     return f.Signal(match[1], match[2])
 
 
@@ -118,7 +117,7 @@ _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)
 
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """Read a file of expectations; an error names the file and the line."""
-    return tuple(read(open_yaml(path, error=ExpectationError), _ExpectationFile).expectations)
+    return tuple(read(open_yaml(path), _ExpectationFile).expectations)
 
 
 def parse_expectations(cursor: YamlNode) -> tuple[Expectation, ...]:
@@ -157,7 +156,7 @@ def to_formula(cursor: YamlNode) -> f.Formula:
             fields["operator"], fields["number"] = fields["number"]
         if form.make is f.Count:
             if fields["number"].unit:
-                raise ExpectationError(f"a count has no unit, given {fields['number']}")
+                raise ParameterError(f"a count has no unit, given {fields['number']}")
             fields["number"] = fields["number"].value
         return form.make(**fields)
 
@@ -179,7 +178,7 @@ def _comparison(text: str) -> f.Compare | f.HasText:
     """Return the formula of a text such as ``status.state is running``."""
     match = _ATOM.fullmatch(text)
     if match is None:
-        raise ExpectationError(f"{shown(text)} is not a comparison, as reacting_force.force < 45 N")
+        raise ParameterError(f"{shown(text)} is not a comparison, as reacting_force.force < 45 N")
     return _about(signal(match[1] or match[3]), match[2] or match[4])
 
 
@@ -227,7 +226,7 @@ def _about(about: f.Signal, text: str) -> f.Compare | f.HasText:
         return about.has_text(text[3:].strip())
     match = _COMPARED.fullmatch(text)
     if match is None:
-        raise ExpectationError(
+        raise ParameterError(
             f"{shown(text)} is not a comparison of {about}: < 45 N, == 0 N +- 0.1 N or is running"
         )
     return about.compare(_operator(match[1]), match[2], match[3] or 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from rpud_sim.bag import Column
 from rpud_sim.bag import open as open_bag
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import did_you_mean
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean
 from rpud_sim.messages.batch import Batch
 from rpud_sim.recorded.drill_tables import drill_table
 from rpud_sim.recorded.runs import RecordedRun, choose_namespace, drill_namespaces, runs_of
@@ -27,7 +27,6 @@ from rpud_sim.verdicts.names import (
     drill_columns,
     find_field,
 )
-from rpud_sim.verdicts.units import ExpectationError
 
 
 class Record:
@@ -186,8 +185,8 @@ class Record:
             if isinstance(part, SignalFormula):
                 try:
                     check_use(part, self.field(part.signal))
-                except ExpectationError as error:
-                    raise ExpectationError(f"{expectation.name}: {error}") from None
+                except ParameterError as error:
+                    raise ParameterError(f"{expectation.name}: {error}") from None
 
     @property
     def _start(self) -> int | None:

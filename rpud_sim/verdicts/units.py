@@ -17,16 +17,12 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
 
 
-class ExpectationError(ParameterError):
-    """Unusable expectation: why, in one line."""
-
-
 def parse_quantity(text: str) -> tuple[float, str]:
     """Return number and unit of a text such as ``45 N``."""
     match = _QUANTITY.fullmatch(text)
     number = float(match[1]) if match else math.nan
     if match is None or not math.isfinite(number):
-        raise ExpectationError(f"{shown(text)} is not a number with a unit, such as 45 N")
+        raise ParameterError(f"{shown(text)} is not a number with a unit, such as 45 N")
     find_unit(match[2])
     return number, match[2]
 
@@ -36,7 +32,7 @@ def find_unit(name: str) -> Unit:
         # One letter resembles no other, and all names would be a long line.
         alike = [each for each in UNITS if each and each.lower() == name.lower()]
         hint = f"; did you mean {alike[0]}?" if alike else did_you_mean(name, PREFIXED)
-        raise ExpectationError(f"unit {shown(name)} is unknown{hint}")
+        raise ParameterError(f"unit {shown(name)} is unknown{hint}")
     return UNITS[name]
 
 
@@ -50,7 +46,7 @@ def to_si(value: float, unit: str, wanted: str, name: str) -> float:
     if found.si != wanted and not (value == 0.0 and unit == ""):
         given = f"{value:g} {unit}".rstrip()
         needs = f"is in {wanted}" if wanted else "is a number without a unit"
-        raise ExpectationError(f"{name} {needs}, given {given}")
+        raise ParameterError(f"{name} {needs}, given {given}")
     return found.to_si(value)
 
 
@@ -61,9 +57,9 @@ def parse_duration(value: str | float, name: str) -> int:
     elif isinstance(value, (int, float)) and not isinstance(value, bool):
         seconds = float(value) if abs(value) <= LONGEST else math.inf
     else:
-        raise ExpectationError(f"{name} = {shown(value)} is not a duration, such as 0.5 s")
+        raise ParameterError(f"{name} = {shown(value)} is not a duration, such as 0.5 s")
     if not 0.0 <= seconds <= LONGEST:
-        raise ExpectationError(f"{name} = {seconds:g} s is outside its range [0, {LONGEST:g}] s")
+        raise ParameterError(f"{name} = {seconds:g} s is outside its range [0, {LONGEST:g}] s")
     return round(seconds * SECOND)
 
 
@@ -93,7 +89,7 @@ ZERO = Number(0.0)
 def to_number(value: str | float) -> Number:
     """Return a number from a text such as ``45 N``, or from a number without a unit."""
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise ExpectationError(f"{shown(value)} is not a number with a unit, such as 45 N")
+        raise ParameterError(f"{shown(value)} is not a number with a unit, such as 45 N")
     return Number(*parse_quantity(value if isinstance(value, str) else repr(float(value))))
 
 
@@ -106,7 +102,7 @@ class Window:
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end < self.start:
-            raise ExpectationError(
+            raise ParameterError(
                 f"between {self.start / 1e9:g} s and {self.end / 1e9:g} s ends before it begins"
             )
 
@@ -124,11 +120,11 @@ def window(within: Any = None, between: Any = None) -> Window:
     Both are as ``0.5 s``; an end of None is that of the recording.
     """
     if within is not None and between is not None:
-        raise ExpectationError("within and between exclude each other")
+        raise ParameterError("within and between exclude each other")
     if between is None:
         return WHOLE if within is None else Window(0, parse_duration(within, "within"))
     if not isinstance(between, (list, tuple)) or len(between) != 2:
-        raise ExpectationError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
+        raise ParameterError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
     first, last = between
     end = None if last is None else parse_duration(last, "between")
     return Window(parse_duration(first, "between"), end)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.foundation.json_text import NotFiniteError, finite_values, json_text, name_of
+from rpud_sim.foundation.json_text import finite_values, json_text, name_of
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.values import to_float32
 
 NUMBERS = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
@@ -22,7 +23,7 @@ def test_text_that_every_reader_takes_or_an_error(value):
     if finite == value:
         assert json_text(value) == text
     else:
-        with pytest.raises(NotFiniteError, match="is not a finite number"):
+        with pytest.raises(ExpectedError, match="is not a finite number"):
             json_text(value)
 
 
@@ -35,7 +36,7 @@ def test_text_that_every_reader_takes_or_an_error(value):
     ],
 )
 def test_the_error_names_the_number(value, message):
-    with pytest.raises(NotFiniteError, match=f"^{message} is not a finite number$") as error:
+    with pytest.raises(ExpectedError, match=f"^{message} is not a finite number$") as error:
         json_text(value)
     assert error.value.code == 1
 

@@ -3,7 +3,7 @@
 import pytest
 
 from rpud_sim.messages.definitions import find_definition, find_type_hash
-from rpud_sim.messages.errors import DefinitionNotFoundError
+from rpud_sim.messages.errors import BagError
 
 
 @pytest.fixture
@@ -59,14 +59,14 @@ def test_earlier_prefixes_win_and_those_of_the_package_are_last(prefix, monkeypa
 
 @pytest.mark.parametrize("name", ["a_msgs/msg/Missing", "Outer", "a/b/c/d", "../a/Outer", ""])
 def test_an_unknown_type_is_named(prefix, name):
-    with pytest.raises(DefinitionNotFoundError, match=name or "''"):
+    with pytest.raises(BagError, match=name or "''"):
         find_definition(name)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"type_hashes": []}'])
 def test_a_description_without_the_hash_is_refused(prefix, text):
     (prefix / "share" / "a_msgs" / "msg" / "Outer.json").write_text(text)
-    with pytest.raises(DefinitionNotFoundError, match="a_msgs/msg/Outer"):
+    with pytest.raises(BagError, match="a_msgs/msg/Outer"):
         find_type_hash("a_msgs/msg/Outer")
 
 

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import refusal
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS, FaultEffects
 from rpud_sim.simulation.faults import (
     Fault,
-    FaultError,
     check_supported,
     effects_of,
 )
@@ -231,7 +231,7 @@ NO_ROTATION = {"rotation_model": "none"}
 )
 def test_a_fault_without_effect_is_refused_with_the_reason(kind, lacking, reason):
     check_supported(Fault(kind), to_configuration(FULL))
-    with pytest.raises(FaultError, match=f"^{kind} is not possible: it {reason}"):
+    with pytest.raises(ParameterError, match=f"^{kind} is not possible: it {reason}"):
         check_supported(Fault(kind), to_configuration({**FULL, **lacking}))
 
 

@@ -15,12 +15,13 @@ from support import examples
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.changes import Change, Inject, in_order
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import MOST_CLEARED, Fault, FaultError, FaultLedger, FaultRecord
+from rpud_sim.simulation.faults import MOST_CLEARED, Fault, FaultLedger, FaultRecord
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -210,7 +211,7 @@ JAM = Fault("free_mass_jammed")
 def test_faults_are_numbered_from_one_and_keep_their_times():
     faults = FaultLedger()
     assert (faults.inject(10, OFF), faults.inject(20, JAM)) == (1, 2)
-    with pytest.raises(FaultError, match=r"^off on wrench is already there as fault 1$"):
+    with pytest.raises(ParameterError, match=r"^off on wrench is already there as fault 1$"):
         faults.inject(25, OFF)
     assert faults.inject(25, Fault("off", "drill_tool")) == 3  # the refused one took no number
     assert faults.clear(30, 1) == FaultRecord(1, OFF, 10, 30)
@@ -226,7 +227,7 @@ def test_what_does_not_last_cannot_end(number):
     faults = FaultLedger()
     faults.inject(0, OFF)
     for _ in range(2):
-        with pytest.raises(FaultError, match=r"^there is no fault .* to clear$"):
+        with pytest.raises(ParameterError, match=r"^there is no fault .* to clear$"):
             faults.clear(5, number)
         number = faults.clear_all(6) or 1  # has ended
 

@@ -2,13 +2,13 @@
 
 import pytest
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.yaml_files import yaml_node
 from rpud_sim.verdicts import (
     Active,
     Becomes,
     Cleared,
     Expectation,
-    ExpectationError,
     Onset,
     Published,
     after,
@@ -164,7 +164,7 @@ def test_a_wrong_expectation_is_refused_in_one_line_with_its_place(tmp_path, wri
     path = tmp_path / "wrong.yaml"
     good = "- {name: good, expect: status.impacts > 3}"
     path.write_text(f"expectations:\n{good}\n- name: bad\n  expect:\n    {written}\n")
-    with pytest.raises(ExpectationError) as caught:
+    with pytest.raises(ParameterError) as caught:
         read_expectations(path)
     text = str(caught.value)
     assert "\n" not in text
@@ -191,22 +191,20 @@ def test_a_wrong_expectation_is_refused_in_one_line_with_its_place(tmp_path, wri
 def test_a_file_of_another_form_is_refused(tmp_path, content, complaint):
     path = tmp_path / "wrong.yaml"
     path.write_text(content)
-    with pytest.raises(ExpectationError) as caught:
+    with pytest.raises(ParameterError) as caught:
         read_expectations(path)
     assert complaint in str(caught.value)
 
 
 def test_a_signal_compared_as_a_value_is_no_formula():
-    with pytest.raises(ExpectationError, match="False is not a formula; compare by <"):
+    with pytest.raises(ParameterError, match="False is not a formula; compare by <"):
         Expectation("it", always(WEIGHT == 0))
-    with pytest.raises(
-        ExpectationError, match=r"^signal\('status.weight_on_bit'\) is not a formula"
-    ):
+    with pytest.raises(ParameterError, match=r"^signal\('status.weight_on_bit'\) is not a formula"):
         Expectation("it", always(WEIGHT))
 
 
 def test_a_file_that_is_missing_is_named(tmp_path):
-    with pytest.raises(ExpectationError, match=r"none\.yaml: No such file"):
+    with pytest.raises(ParameterError, match=r"none\.yaml: No such file"):
         read_expectations(tmp_path / "none.yaml")
 
 

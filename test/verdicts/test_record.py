@@ -11,11 +11,11 @@ from sample_bags import SECOND, serialized
 from rpud_sim import bag as bags
 from rpud_sim.bag import Losses, Topic
 from rpud_sim.bag.metadata import LOSSES_RECORD, losses_to_record
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded import RecordingError
 from rpud_sim.verdicts import (
     Becomes,
     Expectation,
-    ExpectationError,
     Published,
     Record,
     after,
@@ -49,9 +49,9 @@ def impact(sequence, force):
 def test_messages_of_a_foreign_type_are_one_line():
     time = np.array([1])
     numbered = TopicBatch(time, time, {"log_time": time, "sequence": np.array([2**63], np.uint64)})
-    with pytest.raises(ExpectationError, match="no field 'kind'"):
+    with pytest.raises(ParameterError, match="no field 'kind'"):
         numbered.values("kind")
-    with pytest.raises(ExpectationError, match="journal: sequence: a number is too large"):
+    with pytest.raises(ParameterError, match="journal: sequence: a number is too large"):
         TopicMessages("journal", [numbered])
 
 
@@ -245,7 +245,7 @@ def test_topics_of_others_are_judged_by_their_stamps(other_bag):
     assert (
         outcome(always(signal("/supervisor/heartbeat.state").has_text("well")), record) == "passed"
     )
-    with pytest.raises(ExpectationError, match="beats is in Hz, given 9 N"):
+    with pytest.raises(ParameterError, match="beats is in Hz, given 9 N"):
         outcome(always(beats < "9 N"), record)
     missing = Record.from_bag(other_bag, ["/supervisor/heartbeats", "status"])
     verdict = evaluate(Expectation("it", always(signal("/supervisor/heartbeats.x") > 0)), missing)

@@ -42,7 +42,7 @@ from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import Clear, Inject
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import fault_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, CHANNELS, TOPICS
 
@@ -157,11 +157,11 @@ class DrillServices:
         def act(session: Session) -> None:
             duration = join_seconds(request.duration.sec, request.duration.nanosec)
             if duration < 0:
-                raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
+                raise ParameterError(f"duration = {duration / SECOND:g} s is less than zero")
             kind = KINDS.get(request.fault.kind)
             if kind is not None and not (kind.physical or request.fault.channel):
                 held = ", ".join(self._channels())
-                raise FaultError(f"{request.fault.kind} needs --channel; this drill has {held}")
+                raise ParameterError(f"{request.fault.kind} needs --channel; this drill has {held}")
             fault = message_to_fault(request.fault)
             [response.number] = session.run.apply(Inject(fault, duration))
             session.report()

@@ -16,6 +16,7 @@ from support import trajectory_messages
 from trajectories import arrays_of
 
 from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.messages.batch import Batch
 from rpud_sim.model import segment
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
@@ -26,7 +27,7 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import Fault
 
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
@@ -140,5 +141,5 @@ def test_a_magnitude_is_taken_at_its_word():
     asked = message_to_fault(FaultMessage(kind="bias", channel="wrench", magnitude=-2.0))
     assert asked == Fault("bias", "wrench", -2.0)
     for kind, magnitude in (("rusty", 0.0), ("choking", 2.0), ("choking", math.inf)):
-        with pytest.raises(FaultError):
+        with pytest.raises(ParameterError):
             message_to_fault(FaultMessage(kind=kind, magnitude=magnitude))
