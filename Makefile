@@ -20,9 +20,10 @@ EXTRAS := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros_,)extras.lock
 
 # Python compiles a module when it is first imported: pip would do it for all, most of which are never imported here.
 PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --no-compile
-# uv needs a third of the time. It does not read pip's configuration, such as the address of a mirror: then pip installs.
-UV_INSTALL := .venv/bin/python -m uv --quiet pip install --python .venv/bin/python --require-hashes --no-deps
-INSTALL = $(UV_INSTALL) $(1) 2>/dev/null || $(PIP_INSTALL) $(1)
+# uv needs a third of the time. Behind a proxy that has its own certificates it must use those of the system. It does not read
+# pip's configuration, such as the address of a mirror: then pip installs.
+UV_INSTALL = .venv/bin/python -m uv --quiet $(1) pip install --python .venv/bin/python --require-hashes --no-deps $(2) 2>/dev/null
+INSTALL = $(call UV_INSTALL,,$(1)) || $(call UV_INSTALL,--system-certs,$(1)) || $(PIP_INSTALL) $(1)
 WITH_ENV := source ./env.bash &&
 # CMake's own make must not take part in the jobs of this one.
 COLCON_BUILD := unset MAKEFLAGS MFLAGS && source toolchain/ros_env.bash && colcon build --symlink-install --packages-select

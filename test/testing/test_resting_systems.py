@@ -78,7 +78,7 @@ def test_a_process_that_dies_while_it_rests_is_started_again(drill):
 
 def test_a_node_that_does_not_leave_is_ended_with_a_warning(drill):
     first = start(drill, "stays")
-    with pytest.warns(UserWarning, match=r"resting.py is still in the graph 2 s after a call of /"):
+    with pytest.warns(UserWarning, match=r"resting.py is still in the graph 5 s after a call of /"):
         begin_next_test(drill)
     assert not first.running
     drill.step(0.1)
