@@ -37,10 +37,10 @@ class DeclaredAttributes:
     """
 
     def __setattr__(self, name: str, value: object) -> None:
-        kind = type(self)
-        known = any(name in getattr(each, "__annotations__", ()) for each in kind.__mro__)
-        if not (name.startswith("_") or known):
-            raise AttributeError(f"{name} of a {kind.__name__} cannot be set")
+        if not name.startswith("_"):
+            kind = type(self)
+            if not any(name in getattr(each, "__annotations__", ()) for each in kind.__mro__):
+                raise AttributeError(f"{name} of a {kind.__name__} cannot be set")
         super().__setattr__(name, value)
 
 

