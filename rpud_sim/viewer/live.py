@@ -21,7 +21,7 @@ from rpud_sim.ros.client.topics import FastTopics
 from rpud_sim.simulation.fault_kinds import fault_forms
 from rpud_sim.viewer.commands import plain_refusal
 from rpud_sim.viewer.frames import ClientState, Store
-from rpud_sim.viewer.live_history import FAST, LATCHED, LiveHistory
+from rpud_sim.viewer.live_history import FAST, REPORTS, LiveHistory
 from rpud_sim.viewer.server import EXPIRY, ListenAddress, PageServer
 
 # Actions: methods of ``DrillClient``, with the same arguments.
@@ -210,7 +210,8 @@ class LiveDrill:
 
     def _open(self, namespace: str) -> DrillClient:
         client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
-        client.observe(self._latched, *LATCHED)
+        client.observe(self._latched)
+        client.observe(self._latched, *REPORTS)
         client.check_while_waiting(self._check)
         if self._telemetry is not None:
             self._lost_before += Counter(self._telemetry.lost)

@@ -43,7 +43,7 @@ _ALWAYS = (  # quantities that each drill has, also before the first message or 
     *("nodal_plane", "free_mass", "drill_tool"),
 )
 _COUNTED = ("Status.impacts", "Status.commands_lost")  # beyond the table of quantities
-LATCHED = ("status", "faults", "journal", "command_results", "power", "timing")
+REPORTS = ("power", "timing")  # besides those that every client has
 FAST = (
     *("nodal_plane", "drill_tool", "reacting_force", "contact_force", "actuator_state"),
     *("rotation", "mount", "borehole", "waveform"),
@@ -56,7 +56,7 @@ def _reader(topic: str) -> TopicReader:
     return TopicReader(summary, drill_table(kind).columns, 1000)
 
 
-_READERS = {topic: _reader(topic) for topic in (*FAST, "power", "timing", "status")}
+_READERS = {topic: _reader(topic) for topic in (*FAST, *REPORTS, "status")}
 _DRAWN = {*_COUNTED, *(source for each in QUANTITIES.values() for source in each.sources)}
 _SIGNALS = tuple(
     signal for each in _READERS.values() for signal in each.signals if signal.source in _DRAWN
