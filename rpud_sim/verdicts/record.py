@@ -56,7 +56,7 @@ class Record:
         progress: Callable[[int], object] = lambda count: None,
         expectations: Iterable[Expectation] = (),
     ) -> Record:
-        """Read topics of a bag; without ``namespace`` it is that of the only drill.
+        """Read topics of a bag; without ``namespace`` the only drill counts.
 
         ``progress`` is called with the number of messages since its last call. The fields that
         ``expectations`` name are checked first. A RecordingError explains a failure.

@@ -1,6 +1,6 @@
 """Parse each message definition once for all of ROS's generators.
 
-Each generator is a process of its own and parses all definitions with a slow parser: without this,
+Each generator is a separate process and parses all definitions with a slow parser: without this,
 two fifths of the processor time in which the messages are built. Python imports this file where
 the folder is in PYTHONPATH, as while `make` builds the messages.
 """

@@ -99,7 +99,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         super().__init__(node_name, namespace, domain_id, patience)
         self._found = False
         self._followed: dict[str, ReceivedTopic] = {}
-        self._latest: dict[str, Any] = {}  # message by topic, or its bytes until it is asked for
+        self._latest: dict[str, Any] = {}  # message by topic, or its bytes before its first use
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
         self._listened: list[ReceivedTopic] = []
         self._shown = 0  # number of the status that a step returned; those before are older
