@@ -326,7 +326,7 @@ class LiveStore(Store):
         self._looked = -math.inf
 
     def open(self, client: ClientState) -> None:
-        """Subscribe to the drill that a browser shows; an error if it is unknown, or one too many."""
+        """Subscribe to the drill of a browser; an error if it is unknown, or one too many."""
         client.drill = f"/{(client.drill or self._default).strip('/')}"
         self.hear(client.drill)
 
