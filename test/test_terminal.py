@@ -6,7 +6,7 @@ import re
 import pytest
 from frame_reader import decode
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
-from support import called
+from support import called, extended
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.foundation.terminal import printable
@@ -35,7 +35,8 @@ def evil_bag(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [["info"], ["report", "--out"], ["export", "--out"], ["recover", "--out"], ["verify"]]
+    "words",
+    [["info"], ["report", "--out"], extended(["export", "--out"]), ["recover", "--out"], ["verify"]],
 )
 def test_no_command_prints_what_steers_a_terminal(capsys, evil_bag, tmp_path, words):
     command, *out = words
