@@ -36,7 +36,13 @@ def evil_bag(tmp_path):
 
 @pytest.mark.parametrize(
     "words",
-    [["info"], ["report", "--out"], extended(["export", "--out"]), ["recover", "--out"], ["verify"]],
+    [
+        ["info"],
+        ["report", "--out"],
+        extended(["export", "--out"]),
+        ["recover", "--out"],
+        ["verify"],
+    ],
 )
 def test_no_command_prints_what_steers_a_terminal(capsys, evil_bag, tmp_path, words):
     command, *out = words
