@@ -127,6 +127,7 @@ class Collector:
             start_parameter_services=False,
         )
         self.topics: dict[str, StoredTopic] = {}  # by absolute name
+        self._absolute: dict[str, str] = {}  # names by what they were called
         self._waiting = WaitSet(self._context)
         self.subscribe("status", TOPICS["status"].type)
         for name, kind in ALL_COMMAND_TOPICS.items():
@@ -135,7 +136,9 @@ class Collector:
 
     def resolve(self, name: str) -> str:
         """Return the absolute name of a topic; a relative one is of the drill's namespace."""
-        return str(self.node.resolve_topic_name(name))
+        if (known := self._absolute.get(name)) is None:
+            known = self._absolute[name] = str(self.node.resolve_topic_name(name))
+        return known
 
     def own(self, name: str) -> StoredTopic:
         return self.topics[self.resolve(name)]

@@ -243,9 +243,7 @@ class StatusReporter:
                 commands_accepted=self._inbox.accepted,
                 commands_rejected=self._inbox.rejected,
                 commands_discarded=self._inbox.discarded,
-                commanders=max(
-                    sum(map(self._node.count_publishers, topics)) for topics in self._command_topics
-                ),
+                commanders=self._count_commanders(),
             ),
         )
         power = run.power()
@@ -273,6 +271,12 @@ class StatusReporter:
         if self._publishers.diagnosed:
             self._diagnose(run, {**power.fields, **timing, **status.fields})
         self._rests_until = time.monotonic_ns() + round(CHANGE_PERIOD * SECOND)
+
+    def _count_commanders(self) -> int:
+        # rclpy's count_publishers() resolves each name again, a tenth of the time of a report.
+        handle = self._node.handle
+        with handle:
+            return max(sum(map(handle.get_count_publishers, each)) for each in self._command_topics)
 
     def _diagnose(self, run: Run, values: Fields) -> None:
         """Make the diagnostics of the latest report, which take longer than the report itself."""
