@@ -53,13 +53,13 @@ test: install/.package .venv/.rest install/.kernels ## Run the tests of every ch
 	@$(WITH_ENV) python -m pytest -n auto --dist worksteal $(PYTEST_ARGS)
 
 # An empty mark selects the extended tests as well.
-EXTENDED = RPUD_OPTIONAL="$$PWD/.venv/optional" RPUD_EXAMPLES=many python -m pytest -m "" --hypothesis-seed=$(SEED)
+EXTENDED = RPUD_OPTIONAL="$$PWD/.venv/optional" python -m pytest -m "" --hypothesis-seed=$(SEED)
 
 .PHONY: test-all
 test-all: SEED = $(shell echo $$RANDOM)
 test-all: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, also documents, browser, wheels and cluster; properties draw new examples from SEED
 	@echo "Properties draw their examples from SEED=$(SEED)"
-	@$(WITH_ENV) $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
+	@$(WITH_ENV) export RPUD_EXAMPLES=many; $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: test-long
 test-long: ## Run what takes hours: fuzz, kills, mutants, campaign, starts, random-sets, test-busy and soak

@@ -4,13 +4,13 @@ import os
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix
 from hypothesis import settings
-from hypothesis.internal.conjecture import providers
 from support import FEW, LOOPBACK, MANY_EXAMPLES, Process
 
 from rpud_sim.testing.processes import DomainClaim
@@ -50,8 +50,10 @@ os.environ.pop("ROS_LOCALHOST_ONLY", None)  # deprecated, and it would overrule 
 # The first example compiles, which takes longer than any deadline. `make test` draws the same
 # examples each time, so it never fails by chance. `make test-all` draws more, from a printed seed.
 # Hypothesis would also draw the constants of all modules that this process has imported so far,
-# which differs from run to run when several processes share the tests.
-providers.is_local_module_file = lambda _: False
+# which differs from run to run when several processes share the tests; Ubuntu's 6.98 has none.
+with suppress(ImportError):
+    providers = import_module("hypothesis.internal.conjecture.providers")
+    providers.is_local_module_file = lambda _: False
 settings.register_profile("few", deadline=None, derandomize=True, database=None, max_examples=FEW)
 settings.register_profile("many", deadline=None, print_blob=True)
 settings.load_profile("many" if MANY_EXAMPLES else "few")
