@@ -201,9 +201,9 @@ def words() -> Iterator[str]:
     A word is what has a letter or a digit between two spaces, also in code and tables.
     """
     from toolchain import reference  # which a release does not need
-    from toolchain.words import EVERYWHERE, NOUNS, PAGES, UNREVISED
+    from toolchain.words import EVERYWHERE, PAGES
 
-    plain = {**EVERYWHERE, **NOUNS, **PAGES}
+    plain = {**EVERYWHERE, **PAGES}
     texts = sorted(
         each
         for folder in ("", "docs", "examples")
@@ -224,13 +224,11 @@ def words() -> Iterator[str]:
         comments = "\n".join(re.findall(r"#(.*)", file.read_text(encoding="utf-8")))
         yield from _unplain(file, comments, plain)
     yield from _unplain(ROOT / "rpud --help", reference.commands(), plain)
-    unrevised = tuple(f"{ROOT / folder}/" for folder in UNREVISED)
     for source in sorted(path for folder in _SOURCES for path in (ROOT / folder).rglob("*.py")):
         if source.name == "words.py":
             continue
-        patterns = EVERYWHERE if str(source).startswith(unrevised) else {**EVERYWHERE, **NOUNS}
         for row, text in _texts_of(source.read_text(encoding="utf-8")):
-            yield from _unplain(Path(f"{source}:{row}"), text, patterns)
+            yield from _unplain(Path(f"{source}:{row}"), text, EVERYWHERE)
 
 
 def _unplain(file: Path, text: str, patterns: dict[str, str]) -> Iterator[str]:

@@ -24,21 +24,9 @@ EVERYWHERE = {
     r"owed|owes": "pending",
     r"flights?|flown": "run, free motion",
     r"the present": "the current",
+    r"that of|those of": "the noun again",
 }
 """By pattern, in all texts."""
-
-NOUNS = {r"that of|those of": "the noun again"}
-"""By pattern, in all texts but the sources of ``UNREVISED``."""
-
-UNREVISED = (
-    "rpud_sim/recorded",
-    "rpud_sim/ros",
-    "rpud_sim/scripting",
-    "rpud_sim/testing",
-    "rpud_sim/verdicts",
-    "rpud_sim/viewer",
-)
-"""Folders whose docstrings and comments still have to be revised; becomes empty."""
 
 PAGES = {
     r"figures? (?!of a)": "metric, picture",

@@ -45,7 +45,7 @@ class ForkedBag:
     run: int  # number of the run in it
     at: float  # start of the fork, in simulation time of that run [s]
     duration: float  # simulated from there on [s]
-    messages: int  # that were written, without those of the journal up to the instant
+    messages: int  # written, without the journal's entries up to the instant
     changed: bool  # whether anything differs from the recorded run
     warnings: tuple[str, ...]  # one line each
 

@@ -12,7 +12,7 @@ from rpud_sim.simulation.run import Run
 
 
 class GrowingRun:
-    """Run that advances with the changes that become known, from those of a plan on.
+    """Run that advances with the changes that become known, after the changes of a plan.
 
     A topic that is asked for the first time is computed from the beginning, and from then on
     together with the others and with ``topics``.

@@ -206,7 +206,7 @@ def _latest(shown: Iterable[tuple[str, np.ndarray]]) -> list[int]:
 def common_stamp(stamps: Iterable[int]) -> int:
     """Return the greatest stamp that two topics reach, so that one altered stamp changes nothing.
 
-    It is that of the only topic if there is no other, and 0 without any [ns].
+    It is the origin of the only topic if there is no other, and 0 without any [ns].
     """
     return min(sorted(stamps)[-2:], default=0)
 

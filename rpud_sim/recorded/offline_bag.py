@@ -39,7 +39,7 @@ def write_offline_bag(
     """Simulate a run for a duration [s] and write a bag of it, whose clock is simulation time.
 
     The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
-    Its manifest is that of this program and machine. ``on_block`` is as of ``Run``.
+    Its manifest names this program and machine. ``on_block`` is as of ``Run``.
     """
     values = plan.beginning.settings.values()
     chosen = {n: topic for n, topic in kept_topics(values).items() if n in topics}

@@ -142,7 +142,7 @@ class RecordedSegments(NamedTuple):
     """Segments of one message."""
 
     segments: np.ndarray  # ``SEGMENT`` records; at least one
-    follows: bool  # whether they follow those of the message before without a gap
+    follows: bool  # whether they follow the message before without a gap
     origin: int  # stamp of simulation time zero, as the message has it [ns]
     zero: int  # origin of its batch [ns]
     size: int  # of the message [bytes]

@@ -179,7 +179,7 @@ class RecordedRun:
         return within(publish_times, self.window)
 
     def of(self, batches: Iterable[Batch]) -> Iterator[Batch]:
-        """Yield the messages of the run among those of a bag; each batch has one origin."""
+        """Yield the messages of the run in a bag; each batch has one origin."""
         for batch in batches:
             held = self.holds(batch.publish_times)
             own = batch if held.all() else batch.part(held)

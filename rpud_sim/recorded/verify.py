@@ -44,7 +44,7 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVE
 _TAIL = 2 * SECOND
 _TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
 _MOST_SUSPECTS = 10_000  # kept of a topic: further ones show nothing that these do not
-_OF_BEFORE = ("waveform", "trajectory")  # whose stamps are those of their first samples
+_OF_BEFORE = ("waveform", "trajectory")  # stamped with their first samples
 _END = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 _COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
 
@@ -121,7 +121,7 @@ def verify(
     if found is None or not found.proved:
         # The clock may have been set back: then log times have another order than the messages.
         with suppress(RecordingError, BagFormatError), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # those of the bag have been reported
+            warnings.simplefilter("ignore")  # which the bag itself has given already
             with closing(ReceivedOrder(path)) as shifted:
                 if shifted.set_back and _more_equal(other := _verified(shifted, report), found):
                     return other

@@ -37,7 +37,7 @@ class StartError(ExpectedError, RuntimeError):
 def check_before_load(
     environment: Mapping[str, str], folders: Sequence[str], prefix: str = sys.prefix
 ) -> None:
-    """Raise a StartError if rclpy cannot be loaded, or is that of another ROS.
+    """Raise a StartError if rclpy cannot be loaded, or belongs to another ROS.
 
     ``folders`` are those in which Python looks for modules, ``prefix`` may have the wheels of ROS.
     """

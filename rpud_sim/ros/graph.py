@@ -89,7 +89,7 @@ def member_class(described: str) -> Any:
 
 
 def filled(message: Any, values: Mapping[str, Any]) -> Any:
-    """Set the message's fields, and those of the messages in it, and return it."""
+    """Set the fields of a message and of the messages in it, and return it."""
     for name, value in values.items():
         if isinstance(value, dict):
             filled(getattr(message, name), value)

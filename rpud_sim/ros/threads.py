@@ -57,7 +57,7 @@ class Requests:
         self._server: threading.Thread | None = None
 
     def do(self, action: Callable[[], Any]) -> Any:
-        """Have an action done; return its result, or that of a Future; raise what it raises."""
+        """Have an action done; return its result, or its Future's; raise what it raises."""
         if threading.current_thread() is self._server:
             return action()
         result: Future[Any] = Future()

@@ -77,7 +77,7 @@ def verify(source: str | os.PathLike[str] | DrillRun) -> Verification:
 def compare(*sources: Any, **options: Any) -> _bags.Comparison:
     """Compare the second of two bags or runs, or of a list of two, with the first one.
 
-    Options are those of ``rpud_sim.recorded.compare``; a run of an open bag is that run of it.
+    Options are as in ``rpud_sim.recorded.compare``; a run of an open bag is that run of it.
     """
     with ExitStack() as held:
         given = sources[0] if len(sources) == 1 else sources

@@ -101,7 +101,7 @@ class Drill(DeclaredAttributes):
     def now(self) -> dict[str, float]:
         """Return positions [m], velocities [m/s] and forces [N] at the current time, by channel.
 
-        They are those of the end of the latest step; before the first one there are none.
+        They are from the end of the latest step; before the first one there are none.
         """
         if self._block is None:
             return {}

@@ -101,10 +101,10 @@ def simulate(
 
     Args:
         config: ROS parameter file.
-        seed: of initial phase, scenario and noise; None for that of the file, or for phase zero.
+        seed: of initial phase, scenario and noise; None for the file's seed, or for phase zero.
         faults: a scenario file, kinds, or entries as a scenario file has them.
         commands: file of commands and faults at their times, as of ``rpud fork``.
-        parameters: by their names, as ``weight_on_bit=20.0``; they go before those of the file.
+        parameters: by their names, as ``weight_on_bit=20.0``; they go before the file's.
 
     Raises:
         ParameterError: for a name or a value that cannot be used.
@@ -122,7 +122,7 @@ def beginning_of(
     seed: int | None,
     faults: Faults | None,
 ) -> Beginning:
-    """Return the beginning of a run; arguments are those of ``simulate``."""
+    """Return the beginning of a run; arguments are as in ``simulate``."""
     values = read_parameter_file(_path("config", config)) if config is not None else {}
     values.update(parameters)
     if faults is not None:

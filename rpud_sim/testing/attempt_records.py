@@ -54,7 +54,7 @@ class DrillRecord(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """First difference of two attempts; the order of these is that of what comes first."""
+    """First difference of two attempts; they are ordered by what comes first."""
 
     part: int  # number of resets before
     stamp: int  # [ns]

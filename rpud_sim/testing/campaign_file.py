@@ -67,7 +67,7 @@ class CampaignSystem:
     command: str = key(line, "")  # that starts it; empty with a launch file
     launch: str = key(line, "")  # file that starts it
     arguments: Mapping[str, Any] = key(named(raw_reader), {})  # of the launch file
-    folder: str = key(line, "")  # in which it starts, from that of the campaign
+    folder: str = key(line, "")  # in which it starts, relative to the campaign's folder
     # topics of the drill that it subscribes to
     subscribes_to: tuple[str, ...] = key(_TOPICS_OF_DRILL, ())
     hears: tuple[str, ...] = key(_TOPICS_OF_DRILL, ())  # its name in 0.3

@@ -206,7 +206,7 @@ class CampaignResults:
         self.campaign = campaign
         self.runs = tuple(runs)
         self.scenarios = {attempt.run.scenario: attempt.run.faults for attempt in runs}
-        # Names of the expectations of each requirement: the system under test itself, then those of
+        # Names of the expectations of each requirement: the system under test itself, then names of
         # the campaign; an expectation without a requirement is one.
         self.requirements = {SYSTEM: [SYSTEM], **{name: [] for name in campaign.requirements}}
         for each in campaign.expectations:

@@ -57,7 +57,7 @@ class CampaignItem(pytest.Item):
         from rpud_sim.testing.campaign_runs import BROKEN, recorded_attempt, run_once
 
         system = self._campaign.system
-        self.rpud_attempt = None  # that of a run before, if this one repeats it
+        self.rpud_attempt = None  # attempt of a run before, if this one repeats it
         try:
             drill = take_drill(self, self._run.setup, system.place)
             self.rpud_attempt = run_once(drill, self._run, system, self._campaign.expectations)
@@ -88,7 +88,7 @@ class UndecidedItem(pytest.Item):
         self._reason = reason
 
     def setup(self) -> None:
-        """Raise an error: pytest calls that of any phase but ``call`` so, and not a failure."""
+        """Raise an error here: pytest calls it an error, and in ``call`` it would be a failure."""
         raise ExpectationUndecidedError(f"{self.name}: undecided: {self._reason}", ())
 
     def runtest(self) -> None:

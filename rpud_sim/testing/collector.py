@@ -146,7 +146,7 @@ class Collector:
     def subscribe(self, name: str, kind: str = "") -> StoredTopic | None:
         """Subscribe to a topic, and return it; None if it has no publisher and no type.
 
-        The name is relative or absolute; without a type it is that of the publisher.
+        The name is relative or absolute; without a type the publisher's is taken.
         """
         absolute = self.resolve(name)
         if absolute in self.topics:
@@ -232,7 +232,7 @@ class Collector:
             topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
     def forget_others(self) -> None:
-        """Unsubscribe from all topics except those of every test."""
+        """Unsubscribe from all topics that not every test has."""
         for name in set(self.topics) - self._always:
             self.topics.pop(name).close()
 

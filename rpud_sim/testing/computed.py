@@ -200,7 +200,7 @@ class ComputedDrill:
         run.advance([Change(e.time, action_of(e.kind, e.content)) for e in new], self._time)
 
     def _compare(self, run: Run, status: Status) -> None:
-        """Raise a DrillError if the drill's status is not that of the computed run."""
+        """Raise a DrillError if the drill's status differs from the computed run's."""
         for name, value in run.status().fields.items():
             theirs = getattr(status, name, None)
             if name in _OWN or isinstance(value, dict):

@@ -207,7 +207,7 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
         """Take the drill back to time zero, as it was started; nodes under test continue.
 
         What was published before is forgotten, and expectations judge what follows. ``seed`` is
-        that of the drill from here on; None for the current one.
+        the drill's seed from here on; None for the current one.
         """
         self._note("reset" if seed is None else f"reset seed={seed}")
         self._reset(seed)
@@ -226,7 +226,7 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
     clear = _noted(DrillClient.clear)
 
     def set_parameters(self, **values: Any) -> None:
-        """Set parameters of the drill; the next test has those of its start again."""
+        """Set parameters of the drill; the next test has the drill's first ones again."""
         self._note(f"set {' '.join(f'{name}={value}' for name, value in values.items())}")
         with self._errors_observed():
             self._act(lambda: self._client.set_parameters(**values))

@@ -99,7 +99,7 @@ def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[Lockste
     """Start a drill in lockstep, and end it: for test runners other than pytest.
 
     ``folders`` are those in which relative paths are looked for; commands start in the first one.
-    Options are those of the mark ``rpud``.
+    Options are as in the mark ``rpud``.
     """
     with contextlib.closing(DrillPool()) as pool:
         check_ros()

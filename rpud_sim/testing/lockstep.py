@@ -46,7 +46,7 @@ def _refused(name: str, other: str) -> Any:
 
 
 class LockstepClient(DrillClient):
-    """Client for what ``LockstepDrill`` has no method for; time and reset are those of steps."""
+    """Client for what ``LockstepDrill`` has no method for; time and reset belong to steps."""
 
     step = _refused("step", "step")
     run_to = _refused("run_to", "step")

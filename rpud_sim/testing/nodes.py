@@ -141,7 +141,7 @@ class DiscoveryHandshake:
         return any(bytes(each.endpoint_gid)[_PROCESS_ID] in numbers for each in found)
 
     def part(self) -> None:
-        """Forget all processes but those of the drill and the test: others take their places."""
+        """Forget all processes but the drill and the test: others take their places."""
         found = {bytes(each.endpoint_gid): node_name(each) for each in self._published()}
         kept = {gid[_PROCESS] for gid, name in found.items() if name in self._not_tested}
         self._gone.update(gid[_PARTICIPANT] for gid in found if gid[_PROCESS] not in kept)

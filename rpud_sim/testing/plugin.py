@@ -46,7 +46,7 @@ _UNOBSERVED = (
 
 _SEED = "rpud_shake_seed"
 _ERROR = pytest.StashKey[str]()  # in the mark of an item
-_PROPERTIES = pytest.StashKey[list[tuple[str, object]]]()  # those of this plugin, of an item
+_PROPERTIES = pytest.StashKey[list[tuple[str, object]]]()  # of an item, by this plugin
 _PAGES = pytest.StashKey[Executor]()  # that writes report pages, one at a time
 
 
@@ -224,7 +224,7 @@ def pytest_report_of_an_expected_error(
 
 
 def _end_at_caller(trace: TracebackType | None) -> None:
-    """Cut the frames of this package off the end of a traceback, also those of dataclasses."""
+    """Cut the frames of this package off the end of a traceback, and of dataclasses."""
     caller, package = None, ""
     while trace:
         # Not the file: bytecode that pytest keeps has the path of its first import.

@@ -41,7 +41,7 @@ _RESERVED: Mapping[str, str] = {
 class DrillSetup:
     """Drill of a test."""
 
-    # of the drill by name, without those of the lockstep, the scenario and the seed
+    # of the drill by name, without the lockstep's own, the scenario and the seed
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     seed: int = (
         NO_SEED  # of the run; a reset always sets it, so that no test depends on the one before
@@ -64,8 +64,8 @@ def drill_setup(
 
     Options are ``config``, a ROS parameter file; ``faults``, a scenario file, or a list of kinds
     and of entries as a scenario file has them; ``seed``; ``namespace``; and parameters of the drill
-    by name, which go before those of the file. ``folders`` are those in which relative paths are
-    looked for, before the working directory. ``place`` is that of the options in a file, if any.
+    by name, which go before the file's. ``folders`` are where relative paths are
+    looked for, before the working directory. ``place`` is where the options are in a file, if any.
     """
     known = [*_OWN, *(name for name in PARAMETERS if name not in _RESERVED)]
     for name in options:

@@ -125,7 +125,7 @@ def shake(item: pytest.Item, nextitem: pytest.Item | None, count: int, seed: int
 def _attempted(
     item: pytest.Item, nextitem: pytest.Item | None, attempt: Attempt
 ) -> list[pytest.TestReport]:
-    """Return the reports of the first run, or those of a shaken one that fails."""
+    """Return the reports of the first run, or of a shaken one that fails."""
     properties = list(item.user_properties)
     first = reports = _reports(item, nextitem, attempt)
     while all(map(_passed, reports)) and not (attempt.last or _stops(item)):

@@ -244,7 +244,7 @@ class Systems:
             raise self._failure(", ".join(answers.names), kind, text, self.processes)
 
     def await_commands(self, status: Status) -> None:
-        """Wait until the drill has counted every command; ``status`` is that of the last step."""
+        """Wait until the drill has counted every command; ``status`` is from the last step."""
         collector, heard = self._collector, self._collector.own("status")
 
         def given() -> int:

@@ -182,7 +182,7 @@ class TopicMessages:
         return key
 
     def _spread(self, name: str) -> np.ndarray:
-        """Return the values of a field, those of all batches in order."""
+        """Return the values of a field in all batches, in order."""
         parts = [batch.values(name) for batch in self._batches]
         if all(isinstance(each, np.ndarray) and each.dtype != object for each in parts) and parts:
             return np.concatenate(parts)[self._order]

@@ -97,7 +97,7 @@ class Record:
     def add(self, topic: str, stamp: int, message: Any) -> None:
         """Add a message as it arrives: a mapping, or an object with fields that stay as they are.
 
-        The stamp is that of its header, or else of its arrival [ns].
+        The stamp is from its header, or else its arrival [ns].
         """
         topic = self._relative(topic)
         self._live.setdefault(topic, []).append((int(stamp), self._count, message))

@@ -36,7 +36,7 @@ class Steps:
 
     # first nanosecond of each step, increasing; the last is that after the recording
     starts: np.ndarray
-    values: np.ndarray  # bounds of each step, one column a step; those of the last are unknown
+    values: np.ndarray  # bounds of each step, one column a step; unknown in the last
     absent: np.ndarray  # whether a signal has no value yet, so that the formula means nothing there
 
     def __post_init__(self) -> None:
@@ -183,7 +183,7 @@ def over_window(
     table = np.vstack([rows, np.where(steps.absent, 1.0, 0.0)[None]])
     if not least:
         table[:4] = -table[:4]
-    if end is None:  # every range but that of nothing ends with the recording
+    if end is None:  # every range but an empty one ends with the recording
         table[:, :last] = np.minimum.accumulate(table[:, :last][:, ::-1], axis=1)[:, ::-1]
         found = table[:, first]
     else:

@@ -117,7 +117,7 @@ WHOLE = Window()  # the rest of the recording
 def window(within: Any = None, between: Any = None) -> Window:
     """Return a window from its end, or from start and end; of neither, the rest of the recording.
 
-    Both are as ``0.5 s``; an end of None is that of the recording.
+    Both are as ``0.5 s``; an end of None is the recording's end.
     """
     if within is not None and between is not None:
         raise ParameterError("within and between exclude each other")

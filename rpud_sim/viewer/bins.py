@@ -140,7 +140,7 @@ class Impacts:
         self._sorted = True
 
     def add(self, times: np.ndarray, peaks: np.ndarray) -> None:
-        """Add impacts, shape (n,) [s] and [N]; in any order, but best in that of time."""
+        """Add impacts, shape (n,) [s] and [N]; in any order, best in order of time."""
         self.total += len(times)
         kept = slice(self._skip, None, self.stride)
         self._skip = (self._skip - len(times)) % self.stride

@@ -52,7 +52,7 @@ class LogEntry:
 class Commands:
     """Commands of a drill; ``add`` takes the entries of its journal in their order.
 
-    A command is an entry if its text differs from that of the one before. The fifth and later ones
+    A command is an entry if its text differs from the one before. The fifth and later ones
     of several that follow each other within a second share one entry, which counts them.
     """
 
@@ -105,7 +105,7 @@ class Commands:
     ) -> dict[str, Any]:
         """Return the fields ``log`` and ``log_thinned`` of a frame.
 
-        ``faults`` are those of the frame. Their beginnings and ends replace what the
+        ``faults`` are the frame's. Their beginnings and ends replace what the
         journal contains about faults. One entry replaces what the drill did by itself while
         commands were lost, from and until [s].
         """

@@ -331,7 +331,7 @@ class LiveStore(Store):
         self.hear(client.drill)
 
     def hear(self, name: str = "") -> None:
-        """Hear a drill from now on; by default that of pages that name none."""
+        """Follow a drill from now on; by default the one for pages that name none."""
         name = name or self._default
         if name in self.heard and not self.heard[name].error:
             return

@@ -73,7 +73,7 @@ class RecordedDrill(History):
         return (quantity in CHANNELS and bool(self.waveforms)) or super().has(quantity)
 
     def others(self) -> list[ShownQuantity]:
-        """Return the signals beyond the table of quantities, those of the drill first."""
+        """Return the signals beyond the table of quantities, the drill's first."""
         known = {self.signal(quantity) for quantity in QUANTITIES}
         left = [
             signal

@@ -34,7 +34,7 @@ MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 MOST_FAULTS = 10_000  # messages of faults that are read; further ones are counted
 
 SAMPLED = 48  # chunks that are read before the page is complete
-LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
+LATE = 0.5  # longest time from the stamp of a message to a stamp that was logged before it [s]
 
 _KEPT = 96  # chunks whose rows are kept
 _LEAST_BINS = 2**10
@@ -87,7 +87,7 @@ class TimeLine:
             begun = 0
 
     def place(self, batch: Batch) -> Iterator[Batch]:
-        """Yield messages; those of a batch are of one run and have one origin in this time."""
+        """Yield messages; a batch is of one run and has one origin in this time."""
         for part in by_run(self.runs[1:], [batch]):
             for own in self.runs[part.run].of([part]):
                 yield replace(own, run=part.run, origin=own.origin - self.starts[part.run])
@@ -136,7 +136,7 @@ class RecordedBag:
             and (not reader.block or name in self._timed[namespace(name)])
         }
         drills = sorted(filter(self.is_drill, self._timed), key=len)
-        # Whose clock a namespace has: one within a drill's has that of the drill.
+        # Whose clock a namespace has: one within a drill's has the drill's clock.
         self._clocks = {
             each: next((d for d in reversed(drills) if f"{each}/".startswith(f"{d}/")), each)
             for each in self._timed
@@ -203,7 +203,7 @@ class RecordedBag:
             yield from self.place(whole.part(np.argsort(whole.log_times, kind="stable")))
 
     def place(self, batch: Batch) -> Iterator[Batch]:
-        """Yield messages of a topic; those of a batch are of one run, and have one origin."""
+        """Yield messages of a topic; a batch is of one run, and has one origin."""
         line = self.time_lines.get(self.clock(batch.topic))
         if line is None or not self.readers[batch.topic].stamped:
             return iter((replace(batch, origin=self.begin),))

@@ -64,7 +64,7 @@ class ListenAddress:
     """Where a server listens."""
 
     port: int = DEFAULT_PORT  # 0 for a free one
-    address: str = LOOPBACK  # of the interface; that of all is ``0.0.0.0``
+    address: str = LOOPBACK  # of the interface; ``0.0.0.0`` for all
     token: str = ""  # that a browser must know; empty for none
 
     @classmethod
@@ -178,7 +178,7 @@ class _Guarded(web.RequestHandler):
 
     A page of another site may ask the browser to connect here, or its name may suddenly resolve to
     this machine. The browser sends both: in ``Origin`` and in ``Host``. Without a token the address
-    is that of the machine itself.
+    is the machine itself.
     """
 
     @property

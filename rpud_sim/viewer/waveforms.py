@@ -21,7 +21,7 @@ from rpud_sim.viewer.recording import TRAJECTORY_TYPE, RecordedBag
 # Samples of a rebuilt waveform, before those that no screen can show are left out.
 SAMPLES = 100_000
 
-HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], that of ``rpud export``
+HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], as in ``rpud export``
 SECTION_RATE = 60_000  # of the samples of a section [Hz]
 
 # Channels by the quantities that they show.
@@ -36,7 +36,7 @@ CHANNELS = {
 
 
 class Waveform(NamedTuple):
-    """Samples of the waveform without a gap; those of before and after it are missing."""
+    """Samples of the waveform without a gap; samples before and after it are missing."""
 
     times: np.ndarray  # since the bag began, shape (n,), at least one [s]
     channels: Mapping[str, np.ndarray]  # by name, shape (n,)

@@ -64,7 +64,7 @@ class Comparison:
 
     @property
     def equal_bits(self) -> bool:
-        """Whether every compared message is equal to that of the reference."""
+        """Whether every compared message equals its counterpart in the reference."""
         states = {topic.state for topic in self.bits}
         return EQUAL in states and DIFFERENT not in states
 

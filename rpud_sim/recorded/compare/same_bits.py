@@ -26,7 +26,7 @@ _SEVERAL_TIMES = ("faults", "trajectory")  # topics with other times than the st
 
 
 class TopicBits(NamedTuple):
-    """Comparison of one topic's messages with those of the reference, bit for bit.
+    """Comparison of one topic's messages with the reference, bit for bit.
 
     Stamps count from the beginning of each run, since wall clocks differ.
     """

@@ -193,7 +193,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
     ) -> list[Any]:
         """Subscribe to a topic of any node, and return the list that its messages are added to.
 
-        Without ``kind`` and ``qos`` they are those of the publishers. ``patience`` is in s.
+        Without ``kind`` and ``qos`` the publishers decide. ``patience`` is in s.
         """
         self.found()
         messages: list[Any] = []

@@ -128,7 +128,7 @@ def result_of(kind: str, header: Header | None = None) -> Fields:
 class Inbox:
     """Queue of commands, and their results; any thread may use it.
 
-    ``notify`` is called when a command is accepted or rejected. Results are those of ``result_of``.
+    ``notify`` is called when a command is accepted or rejected. ``result_of`` makes the results.
     """
 
     def __init__(self, logger: RcutilsLogger, notify: Callable[[], None] = lambda: None) -> None:
@@ -249,7 +249,7 @@ class Inbox:
 class CommandTopic:
     """Subscription to a topic of commands.
 
-    ``now`` is the stamp of one that is given now, ``origin`` that of simulation time zero [ns].
+    ``now`` is the stamp of one that is given now, ``origin`` of simulation time zero [ns].
     """
 
     def __init__(
@@ -268,7 +268,7 @@ class CommandTopic:
         self._settings = settings
         self._now = now
         self._origin = origin
-        self._overwritten = 0  # as the middleware counts: not those of a queue of its reader
+        self._overwritten = 0  # as the middleware counts, without what a reader's queue drops
         self._counted = 0  # as discarded
         # rclpy passes the times of a message to a callback with two arguments.
         callback: Any = self._on_message

@@ -1,4 +1,4 @@
-"""Managed node of the drill: its topics, services and parameters are those of docs/reference."""
+"""Managed node of the drill: docs/reference lists its topics, services and parameters."""
 
 from __future__ import annotations
 

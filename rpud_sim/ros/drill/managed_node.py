@@ -89,7 +89,7 @@ class ManagedNode(LifecycleNode):
         *arguments: Any,
         **options: Any,
     ) -> Subscription:
-        """Create a subscription; that of ROS time rejects a time that ROS does not allow."""
+        """Create a subscription; the one for ROS time rejects a time that ROS does not allow."""
         if msg_type is not Clock:
             return super().create_subscription(msg_type, topic, callback, *arguments, **options)
 

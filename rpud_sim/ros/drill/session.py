@@ -100,7 +100,7 @@ class Session:
     def next_end(self) -> int:
         """Simulation time up to which to advance next [ns]: the end of a block.
 
-        In a step it is that of many blocks, as far as nothing has to happen between: a status, a
+        In a step it is the end of many blocks, as far as nothing has to happen between: a status, a
         loss of commands, a planned change, or a tick of ``/clock``.
         """
         run, goal, rate = self.run, self.timeline.goal, self._first_settings.telemetry_rate

@@ -54,7 +54,7 @@ class TimeSource:
         self._publishes = publishes
         self._notify = notify
         simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
-        # Whether the time is that of another source of ``/clock``.
+        # Whether the time comes from another source of ``/clock``.
         self.follows = simulated and not publishes
         # The time that a schedule follows [ns]; None for the monotonic clock.
         self.schedule = self._now if self.follows else None

@@ -46,11 +46,11 @@ class LogClock:
     """Log times of messages by the times of their reception [ns].
 
     Messages wait until it is decided whose clock counts, and that one has a time. Where ``/clock``
-    goes back, as at a reset, log times continue from where they were: those of a bag never go back.
+    goes back, as at a reset, log times continue from where they were: in a bag they never go back.
     """
 
     def __init__(self) -> None:
-        self.simulated = False  # whether that of ``/clock`` counts
+        self.simulated = False  # whether the time of ``/clock`` counts
         self._known = threading.Event()
         # When a tick was received, and the log time from then on.
         self._ticks: deque[tuple[int, int]] = deque(maxlen=_MOST_TICKS)

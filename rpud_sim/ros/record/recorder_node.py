@@ -145,8 +145,8 @@ class Recorder(Node):
             return False
         if name in self._named:
             return True
-        # Tokens that begin with an underscore are hidden, as those of actions and services are; not
-        # those of the namespace, which somebody has named.
+        # Tokens that begin with an underscore are hidden, as in topics of actions and services; not
+        # tokens of the namespace, which somebody has named.
         if "/_" in f"/{name.removeprefix(self._prefix)}":
             return False
         if options.everything:

@@ -114,7 +114,7 @@ class WritingThread(threading.Thread):
         clock: LogClock | None = None,
     ) -> None:
         super().__init__(name="bag writer")
-        self._clock = clock  # of the log times; None for that of the machine
+        self._clock = clock  # of the log times; None for the machine's
         # why writing failed, None unless it did; the rest of the queue is left then
         self.error: Exception | None = None
         # why there was no space for a message, empty unless that happened; neither that
