@@ -21,7 +21,7 @@ from rpud_sim.foundation.quantities import (
     did_you_mean,
     number,
     quantities,
-    shown,
+    short_repr,
     text,
 )
 from rpud_sim.foundation.schema import key, list_of, name_in, read
@@ -67,7 +67,8 @@ class Layer(ParameterGroup):
         super().__post_init__()
         if not (self.name.isprintable() and len(self.name) <= LONGEST_NAME):
             raise ParameterError(
-                f"name = {shown(self.name)} is not printable text of at most {LONGEST_NAME} letters"
+                f"name = {short_repr(self.name)} is not printable text of at most "
+                f"{LONGEST_NAME} letters"
             )
 
 
@@ -166,7 +167,8 @@ def find_strata(choice: str) -> Strata:
         return _strata_at(yaml_node(content, "strata"))
     if not os.path.isfile(choice) and "/" not in choice and "." not in choice:
         raise ParameterError(
-            f"strata = {shown(choice)} is neither a file nor a rock{did_you_mean(choice, ROCKS)}"
+            f"strata = {short_repr(choice)} is neither a file nor a "
+            f"rock{did_you_mean(choice, ROCKS)}"
         )
     return _strata_at(open_yaml(choice))
 

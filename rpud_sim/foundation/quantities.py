@@ -46,7 +46,7 @@ class ExpectedWarning(UserWarning):
     """What a user should know of a result that is whole, as one line."""
 
 
-def shown(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """Return any value as short text on one line."""
     try:
         return reprlib.repr(value)
@@ -60,15 +60,15 @@ LONGEST_NAME = 256
 LONGEST_TEXT = 4096
 
 
-def cut(text: str, most: int = LONGEST_TEXT) -> str:
+def truncated(text: str, most: int = LONGEST_TEXT) -> str:
     """Return a text whose end is left out if it has more characters."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
-def shown_name(name: Any) -> str:
+def short_name(name: Any) -> str:
     """Return a user's name as short text on one line, in quotes unless it is a plain name."""
     plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
-    return name if plain else shown(name)
+    return name if plain else short_repr(name)
 
 
 def counted(count: int, noun: str) -> str:
@@ -76,7 +76,7 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def listed(names: Iterable[str]) -> str:
+def joined(names: Iterable[str]) -> str:
     """Return names in one line, with at most 30 of them and 80 characters of each."""
     found = sorted(names)
     more = f" and {len(found) - _MOST_LISTED} more" if len(found) > _MOST_LISTED else ""
@@ -99,7 +99,7 @@ def did_you_mean(name: Any, known: Iterable[str], others: bool = True) -> str:
         searched = isinstance(name, str) and len(name) <= LONGEST_NAME  # a long one takes seconds
         close = difflib.get_close_matches(name, parts, n=1, cutoff=cutoff) if searched else []
     if close:
-        return f"; did you mean {listed(parts[part] for part in close)}?"
+        return f"; did you mean {joined(parts[part] for part in close)}?"
     if not others:
         return ""
     which = "valid ones"
@@ -113,7 +113,7 @@ def check_names(names: Iterable[Any], known: Iterable[str], what: str = "paramet
     known = tuple(known)
     for name in names:
         if name not in known:
-            raise ParameterError(f"{shown_name(name)} is not a {what}{did_you_mean(name, known)}")
+            raise ParameterError(f"{short_name(name)} is not a {what}{did_you_mean(name, known)}")
 
 
 def as_number(value: Any) -> float:
@@ -157,11 +157,11 @@ class Quantity:
         is_number = isinstance(value, Real) and not isinstance(value, bool)
         if not is_number:
             raise ParameterError(
-                f"{name} = {shown(value)} is not a number; its range is {self.range}"
+                f"{name} = {short_repr(value)} is not a number; its range is {self.range}"
             )
         if not (math.isfinite(number) and above and under):
             plain = isinstance(value, Real) and not isinstance(value, int)
-            text = f"{number:g}" if plain else shown(value)
+            text = f"{number:g}" if plain else short_repr(value)
             raise ParameterError(f"{name} = {text}{unit} is outside its range {self.range}")
         if not self.whole:
             return number
@@ -183,7 +183,7 @@ class Choice:
 
     def check(self, name: str, value: Any) -> str:
         if not (isinstance(value, str) and value in self.choices):
-            raise ParameterError(f"{name} = {shown(value)} is not {self.range}")
+            raise ParameterError(f"{name} = {short_repr(value)} is not {self.range}")
         return value
 
 
@@ -196,7 +196,7 @@ class Flag:
 
     def check(self, name: str, value: Any) -> bool:
         if not isinstance(value, bool):
-            raise ParameterError(f"{name} = {shown(value)} is not true or false")
+            raise ParameterError(f"{name} = {short_repr(value)} is not true or false")
         return value
 
 
@@ -210,7 +210,7 @@ class Text:
 
     def check(self, name: str, value: Any) -> str:
         if not isinstance(value, str):
-            raise ParameterError(f"{name} = {shown(value)} is not a text")
+            raise ParameterError(f"{name} = {short_repr(value)} is not a text")
         if len(value) > self.longest:
             raise ParameterError(
                 f"{name} has {len(value)} characters; allowed are {self.longest} at most"

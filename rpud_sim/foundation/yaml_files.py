@@ -21,8 +21,8 @@ from rpud_sim.foundation.quantities import (
     Flag,
     ParameterError,
     did_you_mean,
-    shown,
-    shown_name,
+    short_name,
+    short_repr,
 )
 from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.user_files import named_errors, read_file
@@ -181,7 +181,7 @@ class YamlNode:
     def wrong(self, reason: str) -> ParameterError:
         """Return the error that this value is something else."""
         unnamed = dataclasses.replace(self, name="")
-        return unnamed.error(f"{self.name} = {shown(self.value)} {reason}")
+        return unnamed.error(f"{self.name} = {short_repr(self.value)} {reason}")
 
     @contextmanager
     def errors(self) -> Iterator[None]:
@@ -208,7 +208,9 @@ class YamlNode:
             for key, each in found.items():
                 if not (isinstance(key, str) and key in known):
                     named = dataclasses.replace(each, name=self.name)
-                    raise named.error(f"{shown(key)} is not a key here{did_you_mean(key, known)}")
+                    raise named.error(
+                        f"{short_repr(key)} is not a key here{did_you_mean(key, known)}"
+                    )
         for key in needed:
             if key not in found:
                 raise self.error(f"{key} is missing")
@@ -235,7 +237,7 @@ class YamlNode:
             return allowed.check(self.name, value)
 
     def _at(self, key: Any, value: Any) -> YamlNode:
-        name = shown_name(key)
+        name = short_name(key)
         if self.name and not self.lines:
             name = f"{self.name}.{name}"
         return dataclasses.replace(self, value=value, name=name, place=(*self.place, str(key)))

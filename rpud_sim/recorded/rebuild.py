@@ -12,7 +12,7 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.foundation.quantities import listed
+from rpud_sim.foundation.quantities import joined
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.cdr import Codec
@@ -130,7 +130,7 @@ def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
     names = [name for name in held if wanted is None or name in wanted]
     if len(names) > 1:
         raise RecordingError(
-            f"{bag.path} holds several trajectories: choose one by --topics of {listed(names)}"
+            f"{bag.path} holds several trajectories: choose one by --topics of {joined(names)}"
         )
     if not names:
         what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"

@@ -17,7 +17,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.metadata import RECORDING_RECORD
 from rpud_sim.bag.own_records import MANIFEST_RECORD, Manifest, manifest_from_record
-from rpud_sim.foundation.quantities import did_you_mean, listed
+from rpud_sim.foundation.quantities import did_you_mean, joined
 from rpud_sim.foundation.terminal import error_text
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
@@ -224,7 +224,7 @@ def runs_of(
     ``topic`` chooses one of several journals. An UnverifiableError explains a failure.
     """
     found = held_journals(bag)
-    names = listed(found)
+    names = joined(found)
     if topic is None and len(found) > 1:
         raise RecordingError(f"{bag.path} holds several journals: choose with --topic of {names}")
     if topic is not None and topic not in found:
@@ -303,7 +303,7 @@ def choose_namespace(
         raise RecordingError(f"{path} holds no topic of a drill")
     names = [name or "/" for name in spaces]
     if wanted is None:
-        which = f"choose --namespace of {listed(names)}"
+        which = f"choose --namespace of {joined(names)}"
         raise RecordingError(f"{path} holds several drills: {which}", code=2)
     space = wanted if wanted in spaces else f"/{wanted.strip('/')}".rstrip("/")
     if space not in spaces:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 from rpud_sim.foundation.options import DOMAIN
-from rpud_sim.foundation.quantities import ExpectedError, listed
+from rpud_sim.foundation.quantities import ExpectedError, joined
 
 _RMW = "RMW_IMPLEMENTATION"
 _DOMAIN = "ROS_DOMAIN_ID"
@@ -78,7 +78,7 @@ def check_before_start(environment: Mapping[str, str], domain_id: int | None = N
             f"interface: unset it; without it ROS stays on this machine, too"
         )
     if (reach := environment.get(_RANGE, "")) and reach not in _RANGES:
-        raise StartError(f"{_RANGE} is {reach:.80}; it is one of {listed(_RANGES)}")
+        raise StartError(f"{_RANGE} is {reach:.80}; it is one of {joined(_RANGES)}")
     for flag in _FLAGS:
         if (value := environment.get(flag, "")) not in ("", "0", "1"):
             raise StartError(f"{flag} is {value:.80}; it is 0 or 1")

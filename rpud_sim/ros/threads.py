@@ -19,7 +19,7 @@ from typing import Any
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 
-from rpud_sim.foundation.quantities import ExpectedError, cut
+from rpud_sim.foundation.quantities import ExpectedError, truncated
 
 _POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
@@ -149,7 +149,9 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
 
 def raised(error: Exception) -> str:
     """Return one line about an error that a message from the network has caused."""
-    return cut(f"it raised {type(error).__name__}: {' '.join(str(error).split())}", _LONGEST_LINE)
+    return truncated(
+        f"it raised {type(error).__name__}: {' '.join(str(error).split())}", _LONGEST_LINE
+    )
 
 
 class DelayHistogram:

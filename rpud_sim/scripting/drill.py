@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from rpud_sim.drilling.mount import POSITION, RATE
-from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, short_repr
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.verbs import DeclaredAttributes, verb
 from rpud_sim.scripting.runs import DrillRun, Faults, GrowingColumns, beginning_of
@@ -217,7 +217,7 @@ class Drill(DeclaredAttributes):
         numbers = [n for n, kind in active.items() if which in ("all", n, kind)]
         if not numbers and which != "all":
             hint = did_you_mean(str(which), sorted({*active.values()})) if active else "; none is"
-            raise ParameterError(f"no fault {shown(which)} is active{hint}")
+            raise ParameterError(f"no fault {short_repr(which)} is active{hint}")
         for number in numbers:
             self._run.apply(Clear(number))
         return numbers

@@ -18,7 +18,7 @@ import numpy as np
 from rpud_sim.bag import BagReader, Column, Kind
 from rpud_sim.bag.tables import to_frame
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, short_repr
 from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import yaml_node
@@ -149,7 +149,7 @@ def _path(name: str, value: Any) -> Path:
     try:
         return Path(value)
     except TypeError:
-        raise ParameterError(f"{name} = {shown(value)} is not the path of a file") from None
+        raise ParameterError(f"{name} = {short_repr(value)} is not the path of a file") from None
 
 
 class GrowingColumns:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.options import POSITIVE_SECONDS
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, short_repr
 from rpud_sim.foundation.shown_quantities import METRIC_UNITS
 from rpud_sim.scripting.runs import DrillRun, simulate
 from rpud_sim.simulation.configuration import PARAMETERS
@@ -96,7 +96,9 @@ def _rows(points: Points) -> list[dict[str, Any]]:
         return grid(points)
     rows = points.to_dict("records") if hasattr(points, "to_dict") else points
     if not isinstance(rows, Sequence) or not all(isinstance(row, Mapping) for row in rows):
-        raise ParameterError(f"points = {shown(points)} are not mappings of values by parameter")
+        raise ParameterError(
+            f"points = {short_repr(points)} are not mappings of values by parameter"
+        )
     return [dict(row) for row in rows]
 
 
@@ -108,7 +110,7 @@ def _run(number: int, point: Mapping[str, Any], duration: float, seed: int) -> D
     except ParameterError as error:
         raise ParameterError(f"point {number}: {error}") from None
     except TypeError:  # a name that is not a text, or an argument twice
-        reason = f"point {number}: {shown(point)} is not what rpud_sim.simulate takes"
+        reason = f"point {number}: {short_repr(point)} is not what rpud_sim.simulate takes"
         raise ParameterError(reason) from None
 
 

@@ -23,10 +23,10 @@ from rpud_sim.foundation.quantities import (
     check_names,
     declarations,
     flag,
-    listed,
+    joined,
     number,
-    shown,
-    shown_name,
+    short_name,
+    short_repr,
     text,
 )
 from rpud_sim.foundation.schema import read
@@ -226,7 +226,7 @@ class Settings(ParameterGroup):
             )
         if not _FRAME_PREFIX.fullmatch(self.frame_prefix):
             raise ParameterError(
-                f"frame_prefix = {shown(self.frame_prefix)} cannot begin a frame name: "
+                f"frame_prefix = {short_repr(self.frame_prefix)} cannot begin a frame name: "
                 "letters, digits, _, / and -, a letter first"
             )
         if self.block_duration * self.telemetry_rate < 1.0:
@@ -350,7 +350,7 @@ class ParameterFile:
         self.of_ros: list[str] = []  # names of given parameters that ROS itself declares
         self.foreign: list[str] = []  # names of other nodes' parameters
         own = [name for name in sections if _is_of(name, node)]
-        others = ", ".join(map(shown_name, sections)) or "no ros__parameters"
+        others = ", ".join(map(short_name, sections)) or "no ros__parameters"
         # Error if nothing is for the node.
         self.missing = None if own else whole.error(f"nothing is for {node}: the file has {others}")
         for name in own:
@@ -391,7 +391,7 @@ def read_parameter_file(
 
 def not_of_the_drill(names: Iterable[str]) -> str:
     """Return the line of parameters that belong to ROS or to other nodes."""
-    return f"left out, not parameters of the drill: {listed(set(names))}"
+    return f"left out, not parameters of the drill: {joined(set(names))}"
 
 
 def _names_in(name: str, value: Any) -> Iterator[str]:
@@ -434,7 +434,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     """Return name and value of ``name=value``; the value is read as YAML."""
     name, equals, value = text.partition("=")
     if not (name and equals):
-        raise ParameterError(f"{shown(text)} is not of the form name=value")
+        raise ParameterError(f"{short_repr(text)} is not of the form name=value")
     flag = name in PARAMETERS and isinstance(PARAMETERS[name].allowed, Flag)
     try:
         return name, truth_value(parse_yaml(value)) if flag else parse_yaml(value)

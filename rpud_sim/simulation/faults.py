@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, short_repr
 from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
@@ -47,7 +47,7 @@ class Fault:
     def __post_init__(self) -> None:
         if not (isinstance(self.kind, str) and self.kind in KINDS):
             hint = did_you_mean(self.kind, KINDS)
-            raise ParameterError(f"fault kind = {shown(self.kind)} is unknown{hint}")
+            raise ParameterError(f"fault kind = {short_repr(self.kind)} is unknown{hint}")
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
@@ -66,7 +66,8 @@ class Fault:
         channel = self.channel
         if self.physical and channel != "":
             raise ParameterError(
-                f"{self.kind} is a fault of the drill and has no channel, given {shown(channel)}"
+                f"{self.kind} is a fault of the drill and has no channel, given "
+                f"{short_repr(channel)}"
             )
         if self.physical or (isinstance(channel, str) and channel in CHANNELS):
             return
@@ -78,7 +79,8 @@ class Fault:
         if channel == "":
             raise ParameterError(f"{self.kind} needs a channel: one of {', '.join(CHANNELS)}")
         raise ParameterError(
-            f"channel of {self.kind} = {shown(channel)} is unknown{did_you_mean(channel, CHANNELS)}"
+            f"channel of {self.kind} = {short_repr(channel)} is "
+            f"unknown{did_you_mean(channel, CHANNELS)}"
         )
 
     def _checked_magnitude(self) -> float:
@@ -87,7 +89,7 @@ class Fault:
         left_open = isinstance(given, float) and math.isnan(given)
         if quantity is None:
             if not (left_open or given == 0.0):
-                raise ParameterError(f"{self} has no magnitude, given {shown(given)}")
+                raise ParameterError(f"{self} has no magnitude, given {short_repr(given)}")
             return 0.0
         default = kind.default_on(self.channel)
         if left_open:
@@ -208,7 +210,7 @@ class FaultLedger:
     def clear(self, time: int, number: int) -> FaultRecord:
         found = [record for record in self.active if record.number == number]
         if not found:
-            raise ParameterError(f"there is no fault {shown(number)} to clear")
+            raise ParameterError(f"there is no fault {short_repr(number)} to clear")
         ended = dataclasses.replace(found[0], clear=time)
         self.active = tuple(record for record in self.active if record is not found[0])
         self.forgotten += len(self._cleared) == MOST_CLEARED

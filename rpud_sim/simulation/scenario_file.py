@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.options import SEED
-from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, short_repr
 from rpud_sim.foundation.schema import key, list_of, node_reader, one_of, raw_reader, read
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, yaml_node
@@ -193,7 +193,7 @@ def parse_injections(texts: Sequence[str]) -> PlannedChanges:
         kind, *rest = text.split(",")
         keys = [("kind", kind), *map(parse_assignment, rest)]
         if len(dict(keys)) < len(keys):
-            raise ParameterError(f"--inject {shown(text)} gives a key twice")
+            raise ParameterError(f"--inject {short_repr(text)} gives a key twice")
         entries.append({"onset": 0.0, **dict(keys)})
     return PlannedChanges(scenario_at(yaml_node({"faults": entries}, "--inject")))
 

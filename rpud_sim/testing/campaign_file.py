@@ -20,7 +20,7 @@ from rpud_sim.foundation.quantities import (
     ParameterError,
     Quantity,
     did_you_mean,
-    shown,
+    short_repr,
 )
 from rpud_sim.foundation.schema import Reader, key, line, list_of, name_in, named, raw_reader, read
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml
@@ -93,7 +93,7 @@ class CampaignSystem:
         """Folder in which it starts."""
         place = (self.campaign / self.folder).resolve()
         if not os.path.isdir(place):
-            raise ParameterError(f"folder = {shown(self.folder)} is not a folder")
+            raise ParameterError(f"folder = {short_repr(self.folder)} is not a folder")
         return place
 
     @cached_property
@@ -111,7 +111,7 @@ class CampaignSystem:
         try:
             words = shlex.split(self.command)
         except ValueError as error:
-            raise ParameterError(f"command = {shown(self.command)}: {error}") from None
+            raise ParameterError(f"command = {short_repr(self.command)}: {error}") from None
         if words[0] in ("python", "python3"):
             words[0] = sys.executable
             if words[1:] and words[1].endswith(".py"):
@@ -119,7 +119,7 @@ class CampaignSystem:
         elif "/" in words[0]:
             find_file(words[0], "command", (self.place,))
         elif shutil.which(words[0]) is None:
-            raise ParameterError(f"command: no program {shown(words[0])} on the PATH")
+            raise ParameterError(f"command: no program {short_repr(words[0])} on the PATH")
         return tuple(words)
 
 
@@ -224,7 +224,8 @@ def read_campaign(path: str | Path) -> Campaign:
             place = (*listed.place, index, "requirement")
             hint = did_you_mean(each.requirement, file.requirements)
             raise dataclasses.replace(listed, place=place).error(
-                f"requirement {shown(each.requirement)} of {shown(each.name)} is unknown{hint}"
+                f"requirement {short_repr(each.requirement)} of {short_repr(each.name)} is "
+                f"unknown{hint}"
             )
     runs = tuple(_runs(top, file))
     return Campaign(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from rpud_sim.foundation.options import NO_SEED
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown_name
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, short_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.verbs import DeclaredAttributes
 from rpud_sim.ros.client import DrillClient
@@ -411,7 +411,7 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
             others = [name for name in self.heard if name[own:] not in TOPICS]
             hint = "" if topic in TOPICS else f"{did_you_mean(topic, [*TOPICS, *others])}"
             raise ParameterError(
-                f"topic {shown_name(topic)} is not listened to: call listen({topic!r}) first{hint}"
+                f"topic {short_name(topic)} is not listened to: call listen({topic!r}) first{hint}"
             )
         return heard
 

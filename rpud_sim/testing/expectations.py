@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rpud_sim.foundation.quantities import ParameterError, shown
+from rpud_sim.foundation.quantities import ParameterError, short_repr
 from rpud_sim.testing.collector import StoredTopic
 from rpud_sim.testing.computed import ComputedTopic
 from rpud_sim.testing.errors import ExpectationFailedError, ExpectationUndecidedError
@@ -57,7 +57,9 @@ class LiveVerdicts:
             elif isinstance(each, str | Path):
                 found += read_expectations((folder or Path()) / each)
             else:
-                raise ParameterError(f"{shown(each)} is neither an expectation, nor a file of some")
+                raise ParameterError(
+                    f"{short_repr(each)} is neither an expectation, nor a file of some"
+                )
         return found
 
     def expect(

@@ -14,8 +14,8 @@ from rpud_sim.foundation.options import NAMESPACE, NO_SEED
 from rpud_sim.foundation.quantities import (
     ParameterError,
     did_you_mean,
-    shown,
-    shown_name,
+    short_name,
+    short_repr,
 )
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml, yaml_node
 from rpud_sim.simulation.changes import Inject
@@ -73,12 +73,12 @@ def drill_setup(
             raise ParameterError(f"{name} cannot be set: {_RESERVED[name]}")
         if name not in known:
             raise ParameterError(
-                f"{shown_name(name)} is neither a parameter of the drill nor one of "
+                f"{short_name(name)} is neither a parameter of the drill nor one of "
                 f"{', '.join(_OWN)}{did_you_mean(name, known)}"
             )
     namespace = options.get("namespace", NAMESPACE)
     if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
-        raise ParameterError(f"namespace = {shown(namespace)} is not of the form /name")
+        raise ParameterError(f"namespace = {short_repr(namespace)} is not of the form /name")
     folders = (*folders, Path())
     values: dict[str, Any] = {}
     faults = options.get("faults")
@@ -104,7 +104,7 @@ def drill_setup(
 def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
     """Return the file of a path that may be relative to one of some folders."""
     if not isinstance(given, str | Path):
-        raise ParameterError(f"{name} = {shown(given)} is not a path")
+        raise ParameterError(f"{name} = {short_repr(given)} is not a path")
     places = [folder / given for folder in folders]
     for place in places:
         if os.path.isfile(place):  # False for a name that no file can have
@@ -113,7 +113,9 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
     beside = [each.name for parent in parents for each in parent.iterdir()]
     looked = ", ".join(dict.fromkeys(map(str, places)))
     hint = did_you_mean(Path(given).name, beside, others=False)
-    raise ParameterError(f"{name} = {shown(str(given))} is not a file: looked for {looked}{hint}")
+    raise ParameterError(
+        f"{name} = {short_repr(str(given))} is not a file: looked for {looked}{hint}"
+    )
 
 
 def _scenario(
@@ -122,7 +124,7 @@ def _scenario(
     """Return the content of a scenario file, and its faults."""
     if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:
         raise ParameterError(
-            f"faults = {shown(faults)} is neither a file nor a kind of fault"
+            f"faults = {short_repr(faults)} is neither a file nor a kind of fault"
             f"{did_you_mean(faults, KINDS)}"
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
@@ -131,7 +133,9 @@ def _scenario(
     else:
         entries = [faults] if isinstance(faults, str | Mapping) else faults
         if not isinstance(entries, list | tuple):
-            raise ParameterError(f"faults = {shown(faults)} is neither a file nor a list of faults")
+            raise ParameterError(
+                f"faults = {short_repr(faults)} is neither a file nor a list of faults"
+            )
         found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
         content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
         top = dataclasses.replace(place, value=content, name="")

@@ -9,7 +9,7 @@ import dataclasses
 import warnings
 from collections.abc import Iterator
 
-from rpud_sim.foundation.quantities import ParameterError, shown
+from rpud_sim.foundation.quantities import ParameterError, short_repr
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.verdicts.units import (
     WHOLE,
@@ -132,7 +132,7 @@ class HasText(Formula):
         word = self.word
         fits = isinstance(word, bool) or (isinstance(word, str) and word == word.strip() != "")
         if not fits or word in ("true", "false"):
-            raise ParameterError(f"{self.signal} is {shown(word)}: that is not a word")
+            raise ParameterError(f"{self.signal} is {short_repr(word)}: that is not a word")
 
     def __str__(self) -> str:
         word = str(self.word).lower() if isinstance(self.word, bool) else self.word
@@ -145,7 +145,7 @@ class _OfFault:
 
     def __post_init__(self) -> None:
         if not isinstance(self.fault, str):
-            raise ParameterError(f"fault = {shown(self.fault)} is not a kind of fault")
+            raise ParameterError(f"fault = {short_repr(self.fault)} is not a kind of fault")
         Fault(*self.kind_and_channel)
 
     @property
@@ -300,4 +300,4 @@ SignalFormula = Compare | HasText | Quantile
 
 def _check_operator(operator: str) -> None:
     if operator not in OPERATORS:
-        raise ParameterError(f"{shown(operator)} is not one of {', '.join(OPERATORS)}")
+        raise ParameterError(f"{short_repr(operator)} is not one of {', '.join(OPERATORS)}")

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from rpud_sim.bag import Column, Kind
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, short_repr
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.columns import RECEIVED
 from rpud_sim.recorded.drill_tables import drill_table
@@ -128,7 +128,7 @@ def find_field(signal: Signal, columns: tuple[Column, ...]) -> SignalField:
     known = {column.name: column for column in columns}
     if base not in known:
         hint = did_you_mean(base, [each for each in known if not each.startswith("header.")])
-        raise ParameterError(f"{topic} has no field {shown(base)}{hint}")
+        raise ParameterError(f"{topic} has no field {short_repr(base)}{hint}")
     column = known[base]
     if column.kind is Kind.NESTED:
         hint = "; use fault, onset or cleared" if topic == "faults" else ""
@@ -149,7 +149,7 @@ def _check_topic(topic: str) -> None:
     if not topic.startswith("/") and topic not in TYPES:
         hint = did_you_mean(topic, TYPES)
         raise ParameterError(
-            f"topic {shown(topic)} is none of the drill's{hint} (others begin with /)"
+            f"topic {short_repr(topic)} is none of the drill's{hint} (others begin with /)"
         )
 
 
@@ -174,7 +174,7 @@ def _check_formula(formula: Formula) -> None:
 def _check_kind(formula: object) -> None:
     if not isinstance(formula, Formula):
         raise ParameterError(
-            f"{shown(formula)} is not a formula; compare by <, <=, >, >=, equals or has_text"
+            f"{short_repr(formula)} is not a formula; compare by <, <=, >, >=, equals or has_text"
         )
 
 
@@ -185,7 +185,7 @@ def check_use(part: SignalFormula, field: SignalField | None) -> None:
             raise ParameterError(f"{part.signal} is a number: compare it with ==")
         if field is not None and field.is_flag is not isinstance(part.word, bool):
             kind = "true or false" if field.is_flag else "a text"
-            raise ParameterError(f"{part.signal} is {kind}, given {shown(part.word)}")
+            raise ParameterError(f"{part.signal} is {kind}, given {short_repr(part.word)}")
         return
     if field is not None and field.has_text:
         raise ParameterError(f"{part.signal} is not a number: write {part.signal} is WORD")

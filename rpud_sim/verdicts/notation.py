@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import rpud_sim.verdicts.formulas as f
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, short_repr
 from rpud_sim.foundation.schema import Reader, key, line, list_of, raw_reader, read
 from rpud_sim.foundation.yaml_files import YamlNode, open_yaml
 from rpud_sim.verdicts.names import Expectation
@@ -30,7 +30,9 @@ def signal(name: str) -> f.Signal:
     """Return a signal by topic and field, as in ``reacting_force.force``."""
     match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
     if match is None:
-        raise ParameterError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
+        raise ParameterError(
+            f"{short_repr(name)} is not a topic and a field, as reacting_force.force"
+        )
     return f.Signal(match[1], match[2])
 
 
@@ -125,7 +127,7 @@ def parse_expectations(cursor: YamlNode) -> tuple[Expectation, ...]:
     found: dict[str, Expectation] = {}
     for entry, expectation in zip(cursor.sequence(), list_of(_expectation, 1)(cursor), strict=True):
         if expectation.name in found:
-            raise entry.error(f"name {shown(expectation.name)} is taken already")
+            raise entry.error(f"name {short_repr(expectation.name)} is taken already")
         found[expectation.name] = expectation
     return tuple(found.values())
 
@@ -167,7 +169,7 @@ def _form(cursor: YamlNode) -> _Form:
     forms = [form for form in _FORMS if next(iter(form.fields)) in keys]
     if not forms:
         first = keys[0] if keys else ""
-        raise cursor.error(f"{shown(first)} begins no formula{did_you_mean(first, _MAIN)}")
+        raise cursor.error(f"{short_repr(first)} begins no formula{did_you_mean(first, _MAIN)}")
     chosen = [form for form in forms if form.fields.keys() <= {*keys}] or forms
     if len(chosen) > 1:
         raise cursor.error(f"{' or '.join([*each.fields][-1] for each in chosen)} is missing")
@@ -178,7 +180,9 @@ def _comparison(text: str) -> f.Compare | f.HasText:
     """Return the formula of a text such as ``status.state is running``."""
     match = _ATOM.fullmatch(text)
     if match is None:
-        raise ParameterError(f"{shown(text)} is not a comparison, as reacting_force.force < 45 N")
+        raise ParameterError(
+            f"{short_repr(text)} is not a comparison, as reacting_force.force < 45 N"
+        )
     return _about(signal(match[1] or match[3]), match[2] or match[4])
 
 
@@ -227,7 +231,8 @@ def _about(about: f.Signal, text: str) -> f.Compare | f.HasText:
     match = _COMPARED.fullmatch(text)
     if match is None:
         raise ParameterError(
-            f"{shown(text)} is not a comparison of {about}: < 45 N, == 0 N +- 0.1 N or is running"
+            f"{short_repr(text)} is not a comparison of {about}: < 45 N, == 0 N +- 0.1 N or is "
+            "running"
         )
     return about.compare(_operator(match[1]), match[2], match[3] or 0.0)
 

@@ -7,7 +7,7 @@ import math
 import re
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, short_repr
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.units import PREFIXED, UNITS, Unit
 
@@ -22,7 +22,7 @@ def parse_quantity(text: str) -> tuple[float, str]:
     match = _QUANTITY.fullmatch(text)
     number = float(match[1]) if match else math.nan
     if match is None or not math.isfinite(number):
-        raise ParameterError(f"{shown(text)} is not a number with a unit, such as 45 N")
+        raise ParameterError(f"{short_repr(text)} is not a number with a unit, such as 45 N")
     find_unit(match[2])
     return number, match[2]
 
@@ -32,7 +32,7 @@ def find_unit(name: str) -> Unit:
         # One letter resembles no other, and all names would be a long line.
         alike = [each for each in UNITS if each and each.lower() == name.lower()]
         hint = f"; did you mean {alike[0]}?" if alike else did_you_mean(name, PREFIXED)
-        raise ParameterError(f"unit {shown(name)} is unknown{hint}")
+        raise ParameterError(f"unit {short_repr(name)} is unknown{hint}")
     return UNITS[name]
 
 
@@ -57,7 +57,7 @@ def parse_duration(value: str | float, name: str) -> int:
     elif isinstance(value, (int, float)) and not isinstance(value, bool):
         seconds = float(value) if abs(value) <= LONGEST else math.inf
     else:
-        raise ParameterError(f"{name} = {shown(value)} is not a duration, such as 0.5 s")
+        raise ParameterError(f"{name} = {short_repr(value)} is not a duration, such as 0.5 s")
     if not 0.0 <= seconds <= LONGEST:
         raise ParameterError(f"{name} = {seconds:g} s is outside its range [0, {LONGEST:g}] s")
     return round(seconds * SECOND)
@@ -89,7 +89,7 @@ ZERO = Number(0.0)
 def to_number(value: str | float) -> Number:
     """Return a number from a text such as ``45 N``, or from a number without a unit."""
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise ParameterError(f"{shown(value)} is not a number with a unit, such as 45 N")
+        raise ParameterError(f"{short_repr(value)} is not a number with a unit, such as 45 N")
     return Number(*parse_quantity(value if isinstance(value, str) else repr(float(value))))
 
 
@@ -124,7 +124,7 @@ def window(within: Any = None, between: Any = None) -> Window:
     if between is None:
         return WHOLE if within is None else Window(0, parse_duration(within, "within"))
     if not isinstance(between, (list, tuple)) or len(between) != 2:
-        raise ParameterError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
+        raise ParameterError(f"between = {short_repr(between)} is not [start, end], as [1 s, 2 s]")
     first, last = between
     end = None if last is None else parse_duration(last, "between")
     return Window(parse_duration(first, "between"), end)

@@ -13,7 +13,7 @@ from itertools import count
 from typing import Any
 
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, did_you_mean, short_repr
 from rpud_sim.foundation.shown_quantities import QUANTITIES, number_text
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.ros.client.listening_node import DrillFinder
@@ -81,7 +81,9 @@ class Actions:
     def add(self, name: str, arguments: dict[str, Any], asker: str = "") -> None:
         """Queue an action of an asker; one that does not exist is a ParameterError."""
         if name not in ACTIONS:
-            raise ParameterError(f"action {shown(name)} is unknown{did_you_mean(name, ACTIONS)}")
+            raise ParameterError(
+                f"action {short_repr(name)} is unknown{did_you_mean(name, ACTIONS)}"
+            )
         try:
             inspect.signature(getattr(DrillClient, name)).bind(None, **arguments)
         except TypeError as error:
@@ -363,7 +365,7 @@ class LiveStore(Store):
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Queue an action."""
         if name != "act":
-            raise ParameterError(f"a running drill has no {shown(name)}")
+            raise ParameterError(f"a running drill has no {short_repr(name)}")
         drill = self._heard(client)
         if drill.silent:
             raise ParameterError(f"not sent: {drill.namespace} is silent for {drill.silent} s")

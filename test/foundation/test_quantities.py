@@ -24,8 +24,8 @@ from rpud_sim.foundation.quantities import (
     flag,
     number,
     quantities,
-    shown,
-    shown_name,
+    short_name,
+    short_repr,
     text,
 )
 from rpud_sim.foundation.time import SECOND, join_seconds, split_fraction, split_seconds
@@ -96,12 +96,12 @@ def test_any_value_is_allowed_or_refused_in_one_short_line(allowed, value):
 
 
 def test_anything_is_shown_on_one_short_line_and_a_plain_name_plainly():
-    assert shown(10**5000) == "a number too long to show"
-    assert shown("two\nlines") == r"'two\nlines'"
-    assert len(shown("x" * 10_000)) < 100
+    assert short_repr(10**5000) == "a number too long to show"
+    assert short_repr("two\nlines") == r"'two\nlines'"
+    assert len(short_repr("x" * 10_000)) < 100
     names = ("gravity", "a b", "\x1b[31m", 3)
-    assert [*map(shown_name, names)] == ["gravity", "a b", r"'\x1b[31m'", "3"]
-    assert shown_name("x" * 61).startswith("'xxx")
+    assert [*map(short_name, names)] == ["gravity", "a b", r"'\x1b[31m'", "3"]
+    assert short_name("x" * 61).startswith("'xxx")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rclpy.parameter import Parameter
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, as_number, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, as_number, short_repr
 from rpud_sim.foundation.time import SECOND, split_seconds
 
 SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
@@ -25,11 +25,11 @@ def to_parameter(name: str, value: Any) -> Parameter:
     try:
         return Parameter(name, value=value.item() if isinstance(value, np.generic) else value)
     except TypeError:
-        raise ParameterError(f"{name} = {shown(value)} is of no type of ROS") from None
+        raise ParameterError(f"{name} = {short_repr(value)} is of no type of ROS") from None
 
 
 def to_number(name: str, value: Any) -> float:
     number = as_number(value)
     if math.isnan(number) and not isinstance(value, float):
-        raise ParameterError(f"{name} = {shown(value)} is not a number")
+        raise ParameterError(f"{name} = {short_repr(value)} is not a number")
     return number

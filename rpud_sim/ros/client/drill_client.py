@@ -25,7 +25,7 @@ from rpud_sim.foundation.quantities import (
     Quantity,
     Text,
     did_you_mean,
-    shown,
+    short_repr,
 )
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.foundation.verbs import DeclaredAttributes, verb
@@ -312,7 +312,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
                 raise RefusedError("no fault is active")
             if active and not numbers:
                 hint = did_you_mean(which, sorted({each.kind for each in active}))
-                raise RefusedError(f"no fault {shown(which)} is active{hint}")
+                raise RefusedError(f"no fault {short_repr(which)} is active{hint}")
         for number in [0] if which == "all" else numbers:
             self._ask("clear_fault", srv.ClearFault.Request(number=number))
         self.until(
@@ -348,7 +348,9 @@ class DrillClient(DeclaredAttributes, ListeningNode):
     @verb
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
         if isinstance(scope, str) and scope not in SCOPES:
-            raise ParameterError(f"scope = {shown(scope)} is unknown{did_you_mean(scope, SCOPES)}")
+            raise ParameterError(
+                f"scope = {short_repr(scope)} is unknown{did_you_mean(scope, SCOPES)}"
+            )
         bits = SCOPES[scope] if isinstance(scope, str) else int(scope)
         request = srv.ResetSimulation.Request(scope=bits)
         if seed is not None:

@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.validate_topic_name import validate_topic_name
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, short_repr
 from rpud_sim.messages.batch import Batch
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
 from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
@@ -136,7 +136,7 @@ def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
         match = _PART.fullmatch(part)
         if match is None:
             raise ParameterError(
-                f"field {shown(text)} is not a path such as header.stamp or faults[0].kind"
+                f"field {short_repr(text)} is not a path such as header.stamp or faults[0].kind"
             )
         name, indices = match.groups()
         if steps:
@@ -145,12 +145,12 @@ def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
         fields = kind.get_fields_and_field_types() if kind else {}
         if name not in fields:
             hint = did_you_mean(name, fields) if fields else f"; {described} has no fields"
-            raise ParameterError(f"field {shown(text)}: there is no {shown(name)}{hint}")
+            raise ParameterError(f"field {short_repr(text)}: there is no {short_repr(name)}{hint}")
         steps.append(name)
         described = fields[name]
         for index in re.findall(r"\d+", indices):
             if not (element := element_of(described)):
-                raise ParameterError(f"field {shown(text)}: {described} is not an array")
+                raise ParameterError(f"field {short_repr(text)}: {described} is not an array")
             described = element
             steps.append(int(index))
 

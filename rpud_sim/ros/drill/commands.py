@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from rpud_sim.drilling.mount import FEED_MODES, POSITION, RATE
-from rpud_sim.foundation.quantities import LONGEST_NAME, ParameterError, Text, cut
+from rpud_sim.foundation.quantities import LONGEST_NAME, ParameterError, Text, truncated
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.messages.batch import Batch, Fields
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
@@ -121,7 +121,7 @@ def result_of(kind: str, header: Header | None = None) -> Fields:
     """
     header = header or Header()  # of a malformed command
     stamp = {"sec": header.stamp.sec, "nanosec": header.stamp.nanosec}
-    named = {"stamp": stamp, "frame_id": cut(header.frame_id, LONGEST_NAME)}
+    named = {"stamp": stamp, "frame_id": truncated(header.frame_id, LONGEST_NAME)}
     return {"kind": kind, "header": named, "accepted": False, "reason": ""}
 
 
@@ -173,7 +173,7 @@ class Inbox:
 
     def refuse(self, result: Fields, reason: str) -> None:
         """Count an invalid command, and log why."""
-        reason = cut(reason)
+        reason = truncated(reason)
         with self._counting:
             self.rejected += 1
             self._results.append({**result, "reason": reason})
@@ -184,7 +184,7 @@ class Inbox:
         """Count a service's request that is rejected, and log why."""
         with self._counting:
             self.requests_refused += 1
-            self._log("request", cut(reason))
+            self._log("request", truncated(reason))
 
     def drain(self, apply: Callable[[Command], object]) -> bool:
         """Let the waiting commands act in order; return whether there were any.

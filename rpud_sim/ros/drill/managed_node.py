@@ -35,7 +35,7 @@ from rpud_sim.foundation.quantities import (
     ParameterError,
     Quantity,
     did_you_mean,
-    shown,
+    short_repr,
 )
 from rpud_sim.ros.threads import raised
 from rpud_sim.simulation.configuration import (
@@ -137,10 +137,10 @@ class ManagedNode(LifecycleNode):
         """
         name, kind = message.name, message.value.type
         if kind > ParameterType.PARAMETER_STRING_ARRAY:
-            raise ParameterError(f"{shown(name)} has the type {kind}, which is none")
+            raise ParameterError(f"{short_repr(name)} has the type {kind}, which is none")
         if not self.has_parameter(name):
             hint = did_you_mean(name, self.list_parameters([], 0).names)
-            raise ParameterError(f"parameter {shown(name)} is unknown{hint}")
+            raise ParameterError(f"parameter {short_repr(name)} is unknown{hint}")
         descriptor, given = self.describe_parameter(name), Parameter.from_parameter_msg(message)
         if descriptor.read_only and given.value == self.get_parameter(name).value:
             return None
@@ -173,7 +173,7 @@ class ManagedNode(LifecycleNode):
         known = self._state_machine.available_transitions
         if not any(wanted in (number, label) for number, label, *_ in known):
             _, state = self._state_machine.current_state
-            self.refuse_request(f"the state {state} has no transition {shown(wanted)}")
+            self.refuse_request(f"the state {state} has no transition {short_repr(wanted)}")
             response.success = False
             return response
         change = LifecycleNode._LifecycleNodeMixin__on_change_state  # type: ignore[attr-defined]

@@ -24,7 +24,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.options import NAMESPACE
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError, did_you_mean, listed
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, did_you_mean, joined
 from rpud_sim.foundation.terminal import LONGEST_LINE, LONGEST_NAME, error_text, printable
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.messages.cdr import Codec, foreign_encoding
@@ -429,7 +429,7 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
             if not patient:
                 break
             if not logged:
-                names = listed(unsubscribed)
+                names = joined(unsubscribed)
                 node.get_logger().info(printable(f"waiting for a subscriber of {names}: {_WHY}"))
                 logged = True
         if stop.wait(_POLL_PERIOD):
