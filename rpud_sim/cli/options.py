@@ -45,7 +45,10 @@ class Command(NamedTuple):
             with new_output(arguments, self.fields):
                 return self.run(options, *more)
         except ExpectedError as error:
-            error.args = (_with_flags(str(error), self.fields),)
+            given = {
+                n: f for n, f in self.fields.items() if getattr(arguments, n, None) is not None
+            }
+            error.args = (_with_flags(str(error), given),)
             raise
 
 

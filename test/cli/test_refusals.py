@@ -123,6 +123,7 @@ TAKEN = "exists already; --force replaces it"
         (f"{COMPARE} --tolerance 0", 2, "--tolerance = 0 % is outside its range (0, 100) %"),
         (f"{COMPARE} --quantity peakforce", 2, "peakforce is not a quantity; did you mean peak"),
         (f"{COMPARE} --from 2 --to 1", 2, "--to = 1 s is not after --from = 2 s"),
+        ("simulate --set seed=-5 --duration 1", 2, "simulate: seed = -5 is outside its range"),
         (f"{COMPARE} --run 1 --run 1 --run 1", 2, "3 choices of a run for 2 bags: give 1 or 2"),
         (f"{COMPARE} --from 50", 1, "the runs have no time in common from 50 s to the end: "),
         ("compare drill talk", 1, "talk holds no topic of a drill"),
