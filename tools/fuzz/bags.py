@@ -39,7 +39,9 @@ from tools.fuzz import Outcome
 from tools.fuzz.hostile import damaged, number, odd_text, whole
 
 CPU = 10  # processor time that a command may take [s]
-PATIENCE = 120  # after which a command that waits is ended, and its stack printed [s]
+# After which a command that waits is ended, and its stack printed; beside other work it may get a
+# sixtieth of a processor [s].
+PATIENCE = 600
 MEMORY = 1024.0  # that a command may have resident [MB]
 LONGEST_LINE = 2000
 _EXPECT = f"--expect {Path(__file__).resolve().parents[2]}/config/expectations.yaml"
