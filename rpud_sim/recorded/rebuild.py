@@ -22,7 +22,7 @@ from rpud_sim.model.segment import SEGMENT
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.export import describe_column, file_stem, make_table, write_account
 from rpud_sim.recorded.output import SkippedParts, new_folder
-from rpud_sim.recorded.runs import find_drill
+from rpud_sim.recorded.runs import drill_namespaces, find_drill
 from rpud_sim.simulation.sampling import (
     CHANNELS,
     Times,
@@ -89,7 +89,10 @@ def rebuild(
     """
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
-        drill = find_drill(bag, SkippedParts(bag), topic.rpartition("/")[0] or "/", run)
+        namespace = topic.rpartition("/")[0]
+        if namespace not in drill_namespaces(bag):
+            raise RecordingError(f"{bag.path}: {topic} is the trajectory of no drill in it")
+        drill = find_drill(bag, SkippedParts(bag), namespace, run)
         own = drill.of(bag.batches({topic}))
         found = recorded_segments(own, installed_codec(_TYPE), bag.path)
         waveform = _Waveform(rate, start, duration)

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from sample_bags import write_offline_bag
 from support import examples, extended
 
 import rpud_sim.bag
+from rpud_sim.bag import BagWriter
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.rebuild import RecordedSegments, _Waveform, rebuild
@@ -108,6 +110,18 @@ def test_what_the_bag_lacks_is_refused(bag, tmp_path, topic, options, reason):
     with pytest.raises(RecordingError, match=reason):
         rebuild(tmp_path / "bag", tmp_path / "out", 1000, **options)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_trajectory_of_no_drill_is_refused_as_what_the_bag_lacks(bag, tmp_path):
+    """Nobody has given a namespace, so none is called wrong."""
+    with rpud_sim.bag.open(bag) as source, BagWriter(tmp_path / "bag") as copy:
+        [summary] = [each for each in source.topics if each.topic.name == "/rpud/trajectory"]
+        copy.add_topic(replace(summary.topic, name="/planned"), summary.definition)
+        for each in source.messages({"/rpud/trajectory"}):
+            copy.write("/planned", each.data, each.log_time, each.publish_time)
+    with pytest.raises(RecordingError, match=r"/planned is the trajectory of no drill") as raised:
+        rebuild(tmp_path / "bag", tmp_path / "out", 1000)
+    assert raised.value.code == 1
 
 
 @pytest.mark.extended

@@ -40,18 +40,21 @@ def main() -> int:
 
 
 def _show(what: str, seed: int, outcomes: Iterable[Outcome]) -> int:
-    """Print a table by way, and the first harms; return their number."""
-    rows, harms = dict[str, tuple[int, int, float, float]](), list[str]()
+    """Print a table by way, and the first harms of each; return their number."""
+    rows, harms = dict[str, tuple[int, int, float, float]](), list[Outcome]()
     for each in outcomes:
         inputs, refused, slowest, largest = rows.get(each.way, (0, 0, 0.0, 0.0))
         most = max(slowest, each.seconds), max(largest, each.memory)
         rows[each.way] = inputs + 1, refused + each.refused, *most
-        harms += [f"{what} {each.number} of seed {seed}, {each.way}: {h}" for h in each.harms]
+        harms += [each] * bool(each.harms)
     print(f"{'way':28} {'inputs':>8} {'refused':>8} {'slowest [ms]':>14} {'most [MB]':>12}")
     for way, (inputs, refused, slowest, largest) in sorted(rows.items()):
         print(f"{way:28} {inputs:8} {refused:8} {1e3 * slowest:14.1f} {largest:12.0f}")
-    print(f"harms: {len(harms)}")
-    print(*(f"harmed: {harm}" for harm in harms[:20]), sep="\n", file=sys.stderr)
+    print(f"harms: {len(harms)}", flush=True)
+    for way in rows:
+        for each in [harm for harm in harms if harm.way == way][:5]:
+            text = "\n".join(each.harms)
+            print(f"harmed: {what} {each.number} of seed {seed}, {way}: {text}", file=sys.stderr)
     return len(harms)
 
 
