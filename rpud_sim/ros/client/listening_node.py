@@ -5,12 +5,14 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable
+from itertools import chain
 from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.client import Client
+from rclpy.event_handler import EventHandler
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -93,6 +95,7 @@ class ListeningNode:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._served_at = time.monotonic()  # when the executor had its turn
+        self._first_others = self._count_others()
         self._waiting = WaitSet(self._context)
 
     def __enter__(self) -> Self:
@@ -150,10 +153,15 @@ class ListeningNode:
     def _has_more(self) -> bool:
         """Return whether the owner of the node has made what the executor alone serves.
 
-        Otherwise it serves events, which are logged.
+        Otherwise it serves events, which are logged, and questions about types.
         """
+        subscriptions = sum(1 for _ in self.node.subscriptions)
+        return subscriptions > len(self._topics) or self._count_others() > self._first_others
+
+    def _count_others(self) -> int:
         node = self.node
-        return any(node.timers) or sum(1 for _ in node.subscriptions) > len(self._topics)
+        waitables = (each for each in node.waitables if not isinstance(each, EventHandler))
+        return sum(1 for _ in chain(node.timers, node.services, waitables))
 
     def take(self) -> None:
         """Take all messages that have arrived, without a wait; responses and events stay."""
