@@ -45,9 +45,8 @@ class Command(NamedTuple):
             with new_output(arguments, self.fields):
                 return self.run(options, *more)
         except ExpectedError as error:
-            given = {
-                n: f for n, f in self.fields.items() if getattr(arguments, n, None) is not None
-            }
+            values = vars(arguments)
+            given = {k: v for k, v in self.fields.items() if values.get(k) is not None}
             error.args = (_with_flags(str(error), given),)
             raise
 

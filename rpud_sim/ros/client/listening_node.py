@@ -146,7 +146,7 @@ class ListeningNode:
                 self._guarded(take_responses, client)
         period = POLL_PERIOD if self._has_more() else _REFRESH_PERIOD
         if not arrived or time.monotonic() >= self._served_at + period:
-            # A turn of the executor costs as much as a step of the drill.
+            # Seldom: its turn makes a wait set from every entity of the node, in Python.
             self._served_at = time.monotonic()
             self._guarded(self._executor.spin_once, 0.0)
 

@@ -273,7 +273,7 @@ class StatusReporter:
         self._rests_until = time.monotonic_ns() + round(CHANGE_PERIOD * SECOND)
 
     def _count_commanders(self) -> int:
-        # rclpy's count_publishers() resolves each name again, a tenth of the time of a report.
+        # rclpy's count_publishers() would resolve each name again, at every report.
         handle = self._node.handle
         with handle:
             return max(sum(map(handle.get_count_publishers, each)) for each in self._command_topics)
