@@ -88,6 +88,13 @@ class Bins:
         total, count = (float(bins[chosen].sum()) for bins in self._bins[2:])
         return total / count if count else float("nan")
 
+    def latest(self, signal: str, start: float, end: float) -> float:
+        """Return the mean of the last used bin from a time to another [s]; NaN without a value."""
+        chosen = self._place[signal], self._between(start, end)
+        total, count = (bins[chosen] for bins in self._bins[2:])
+        used = np.flatnonzero(count)
+        return float(total[used[-1]] / count[used[-1]]) if len(used) else float("nan")
+
     def view(self, signal: str, start: float, end: float, parts: int) -> Layer:
         """Return least, mean and greatest value in about so many parts of a range of time [s].
 
@@ -95,13 +102,13 @@ class Bins:
         so that they stay when the range moves.
         """
         wide = 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width)))
-        first = max(0, int(np.floor(start / self.width)) // wide * wide - self.first)
-        last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._length)
-        if last <= first:
+        chosen = self._between(start, end, wide)
+        first, place = chosen.start, self._place[signal]
+        if chosen.stop <= first:
             return dict.fromkeys(("t", "mean", "low", "high"), np.empty(0))
-        starts, place = np.arange(first, last, wide) - first, self._place[signal]
+        starts = np.arange(first, chosen.stop, wide) - first
         least, greatest, total, count = (
-            merge.reduceat(bins[place, first:last], starts)
+            merge.reduceat(bins[place, chosen], starts)
             for bins, (merge, _) in zip(self._bins, _MERGES, strict=True)
         )
         none, used = np.full(len(starts), np.nan), count > 0
@@ -111,6 +118,11 @@ class Bins:
             "low": np.where(used, least, none),
             "high": np.where(used, greatest, none),
         }
+
+    def _between(self, start: float, end: float, wide: int = 1) -> slice:
+        """Return the places of a range of time [s], which begins at a multiple of so many bins."""
+        first = max(0, int(np.floor(start / self.width)) // wide * wide - self.first)
+        return slice(first, min(int(np.ceil(end / self.width)) + 1 - self.first, self._length))
 
     def _grow(self, latest: float) -> None:
         half = self._length // 2

@@ -403,9 +403,8 @@ class History:
 
     def latest(self, signal: Signal, now: float) -> float | None:
         """Return the latest value of a signal in the second before a time [s]."""
-        means = self.finest(now - 1.0).view(signal.name, now - 1.0, now, _FINEST)["mean"]
-        known = means[np.isfinite(means)]
-        return float(known[-1]) if len(known) else None
+        value = self.finest(now - 1.0).latest(signal.name, now - 1.0, now)
+        return value if np.isfinite(value) else None
 
     def finest(self, start: float) -> Bins:
         """Return the finest bins that hold all from a time on [s]."""

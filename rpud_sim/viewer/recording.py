@@ -38,6 +38,7 @@ LATE = 0.5  # longest time from the stamp of a message to a stamp that was logge
 
 _KEPT = 96  # chunks whose rows are kept
 _LEAST_BINS = 2**10
+_SHORTEST_BIN = 1e-3  # that a short bag needs [s]
 _BIN_SIZE = 32  # bytes
 _TOGETHER = 16  # chunks that are read together
 _SPARE = 1.02  # of the time, for what is later than the last log time
@@ -336,10 +337,12 @@ class Reading:
         expected = max(recording.bag.duration / SECOND, 1e-3)
         names = [signal.name for signal in recording.signals]
         fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
-        count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
         end = self._end_of(last)
         # Stamps may fall while log times rise: the last chunk is then before the first one.
-        self.bins = Bins(names, (end if end > 0.0 else expected) * _SPARE / count, count)
+        span = (end if end > 0.0 else expected) * _SPARE
+        wanted = 2 ** math.ceil(math.log2(max(span / _SHORTEST_BIN, 1.0)))
+        count = min(BINS, max(_LEAST_BINS, min(wanted, 2 ** int(math.log2(fitting)))))
+        self.bins = Bins(names, span / count, count)
         for history in histories.values():
             history.clear([self.bins])
             history.time = expected

@@ -40,6 +40,15 @@ def test_parts_stay_when_the_range_moves():
     )
 
 
+@given(pairs=samples, start=st.floats(0.0, 900.0), newest=st.booleans())
+def test_the_latest_value_is_the_last_one_that_a_view_shows(pairs, start, newest):
+    bins = Bins(["x"], 0.05, 256, newest=newest)
+    bins.add("x", *np.array(pairs).T)
+    shown = bins.view("x", start, start + 50.0, 1 << 20)["mean"]
+    expected = shown[np.isfinite(shown)][-1:].tolist() or [np.nan]
+    np.testing.assert_equal(bins.latest("x", start, start + 50.0), *expected)
+
+
 def test_where_nothing_was_heard_nothing_is_shown():
     bins = Bins(["x"], 0.05, 256)
     bins.add("x", np.array([1.0, 5.0, 6.0]), np.array([1.0, np.nan, 2.0]))
