@@ -62,13 +62,17 @@ test-all: install/.package install/.kernels .venv/.browser .venv/.optional ## Ru
 	@$(WITH_ENV) export RPUD_EXAMPLES=many; $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: test-long
-test-long: ## Run what takes hours: fuzz, kills, mutants, campaign, starts, random-sets, test-busy and soak
-	@for target in fuzz kills mutants campaign starts random-sets test-busy soak; do $(MAKE) --no-print-directory $$target; done
+test-long: PARTS = soak test-busy starts campaign kills fuzz mutants random-sets
+test-long: ## Run what takes hours, or those of PARTS: each to its end, then their results and times
+	@failed=0; for part in $(PARTS); do began=$$SECONDS result=passed; \
+	  $(MAKE) --no-print-directory $$part || { result=failed; failed=1; }; \
+	  results+="$$(printf '%-12s %s in %d s' $$part $$result $$((SECONDS - began)))"$$'\n'; \
+	done; printf '%s' "$$results"; exit $$failed
 
 .PHONY: test-busy
 test-busy: SEED = 0
-test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
-	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) $(PYTEST_ARGS)
+test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test beside two busy loops for each processor: no test may need an idle machine
+	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: mutants
 mutants: install/.package .venv/.rest install/.kernels ## Break the engine and the examples' supervisor in known ways: tests must find each
@@ -114,17 +118,17 @@ measure-setup: ## Clone into a new folder and print the time of each stage from 
 	@toolchain/measure_setup.sh
 
 .PHONY: campaign
-campaign: install/.package .venv/.rest ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
+campaign: install/.package .venv/.rest ## Fly one run of config/campaign.yaml RUNS times (100) beside busy loops; two different results fail
 	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python tools/busy.py -- python -m pytest -m "" test/testing/campaign/test_repeat.py
 
 .PHONY: starts
-starts: install/.package .venv/.rest install/.kernels ## Start a node under test STARTS times (500), in three ways, beside four busy loops: no first command is lost
-	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" test/testing/test_starts.py
+starts: install/.package .venv/.rest install/.kernels ## Start a node under test STARTS times (500), in three ways, beside busy loops: no first command is lost
+	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" -n auto test/testing/test_starts.py
 
 .PHONY: kills
 kills: install/.package .venv/.rest ## Kill KILLS recordings (1000) at random moments, and recover each
-	@$(WITH_ENV) python -m tools.kills --count $(KILLS) && \
-	  python -m tools.kills --count $(KILLS) --max-loss 1 --live
+	@$(WITH_ENV) python -m tools.kills --count $(KILLS) & writers=$$!; \
+	$(WITH_ENV) python -m tools.kills --count $(KILLS) --max-loss 1 --live; wait $$writers
 
 .PHONY: soak
 soak: DURATION = 1800

@@ -1,12 +1,13 @@
 """Run a command while busy loops take the processors from it: `make test-busy`.
 
-`python tools/busy.py --loops 4 -- COMMAND` gives the command's exit code. The kernel kills each
+`python tools/busy.py -- COMMAND` gives the command's exit code. The kernel kills each
 loop with this process, whatever ends that.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -17,7 +18,8 @@ from rpud_sim.foundation.child_process import end_with_parent
 def main() -> int:
     """Start the loops, run the command, end the loops."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
-    parser.add_argument("--loops", type=int, default=4, help="busy loops (default: %(default)s)")
+    two_each = 2 * len(os.sched_getaffinity(0))
+    parser.add_argument("--loops", type=int, default=two_each, help="two for each processor")
     parser.add_argument("command", nargs="+", help="what runs beside them")
     arguments = parser.parse_args()
     with ExitStack() as stack:
