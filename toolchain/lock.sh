@@ -19,11 +19,13 @@ beside() { # LOCKS OUTPUT OPTION|INPUT...: without what LOCKS install already
 # `make run` installs wheels.lock or installed_ros.lock, `make test` the rest as well, `make setup` and `make test-all` also extras.
 universal=(--universal --python-version 3.10)
 ubuntu=(--python-version 3.12 --python-platform x86_64-manylinux_2_28)
+# colcon asks for them, and needs them for an option only. Where coverage is installed, Numba imports it, in each drill.
+unused=(--no-emit-package=pytest-cov --no-emit-package=coverage)
 lock installer.lock "${universal[@]}" installer.in
-lock wheels.lock "${universal[@]}" --constraints installer.lock --constraints test.in drill.in build.in ros.in
+lock wheels.lock "${universal[@]}" "${unused[@]}" --constraints installer.lock --constraints test.in drill.in build.in ros.in
 beside wheels.lock rest.lock "${universal[@]}" test.in
 beside "wheels.lock rest.lock" extras.lock "${universal[@]}" extras.in
-lock installed_ros.lock "${ubuntu[@]}" --constraints installer.lock --constraints test.in drill.in build.in installed_ros.in
+lock installed_ros.lock "${ubuntu[@]}" "${unused[@]}" --constraints installer.lock --constraints test.in drill.in build.in installed_ros.in
 beside installed_ros.lock installed_ros_rest.lock "${ubuntu[@]}" test.in
 beside "installed_ros.lock installed_ros_rest.lock" installed_ros_extras.lock "${ubuntu[@]}" extras.in
 lock browser.lock "${universal[@]}" --constraints wheels.lock --constraints rest.lock --constraints extras.lock browser.in

@@ -17,7 +17,6 @@ from types import SimpleNamespace
 from typing import Any
 
 from llvmlite.binding import Linkage
-from numba import njit
 from numba.core import config, types
 from numba.core.caching import _Cache
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
@@ -116,8 +115,8 @@ def _widen(kind: Any) -> Any:
     return types.int64 if narrow else kind
 
 
-class Kernel(CPUDispatcher):
-    """A compiled function: machine code for Python, and a rule for the kernels that call it."""
+class KernelDispatcher(CPUDispatcher):
+    """A kernel for Numba: machine code for Python, and a rule for the kernels that call it."""
 
     def __init__(
         self, py_func: Callable[..., Any], store: KernelStore, sources: tuple[Path, ...]
@@ -132,6 +131,7 @@ class Kernel(CPUDispatcher):
 
     @property
     def _numba_type_(self) -> Any:
+        """Type of the kernel where another one calls it."""
         return types.Dispatcher(self._rule)
 
     def add_overload(self, cres: Any) -> None:
@@ -206,21 +206,3 @@ def _load(content: Any, target_context: Any) -> Any:
         reload_init=(),
         referenced_envs=others,
     )
-
-
-def kernel_compiler(store: KernelStore, package: Path) -> Callable[[Callable[..., Any]], Any]:
-    """Return the decorator of functions that are compiled when they are first called.
-
-    Every kernel comes from the sources in the folder ``package``, and from its own file.
-    """
-    own = tuple(sorted(Path(__file__).parent.glob("*.py")))
-    shared = tuple(sorted(package.resolve().glob("*.py")))
-
-    def compiled(function: Callable[..., Any]) -> Any:
-        if config.DISABLE_JIT:
-            return njit(function)
-        # Bytecode that pytest keeps has the path by which the file was imported first.
-        file = Path(function.__globals__["__file__"]).resolve()
-        return Kernel(function, store, (*own, *shared, *(() if file in shared else (file,))))
-
-    return compiled

@@ -18,14 +18,10 @@ import stat
 import sys
 import uuid
 from collections.abc import Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
-import llvmlite
-import llvmlite.binding as llvm
-import numba
 import numpy as np
-from numba.core import config
-from numba.core.codegen import get_host_cpu_features
 
 # Level of the x86-64 psABI that Intel has since Haswell (2013) and AMD since Excavator (2015). The
 # kernels fuse nothing. With level 2 they are 4 to 7 % slower: its instructions overwrite an
@@ -61,6 +57,10 @@ def choose_target(cpu: str, features: str) -> Target:
 @functools.cache
 def this_target() -> Target:
     """Return the target on this machine; NUMBA_CPU_NAME and NUMBA_CPU_FEATURES replace it."""
+    import llvmlite.binding as llvm
+    from numba.core import config
+    from numba.core.codegen import get_host_cpu_features
+
     features = config.CPU_FEATURES
     if features is None:
         features = get_host_cpu_features()
@@ -76,7 +76,8 @@ def notice(target: Target, store: KernelStore) -> str:
         lacking = ", ".join(target.lacking)
         cause = f"this processor lacks {lacking}, which the installed kernels ({BASELINE}) need"
     else:
-        versions = f"Python {platform.python_version()}, Numba {numba.__version__}, {target.cpu}"
+        numba = f"Numba {version('numba')}"
+        versions = f"Python {platform.python_version()}, {numba}, {target.cpu}"
         cause = f"no compiled kernels for these sources and {versions} were found"
     if place is not None:
         fate = f"they are stored in {place}"
@@ -115,6 +116,9 @@ def digest_of_sources(files: tuple[Path, ...]) -> str:
 
 def kernel_name(function: str, signature: str, cpu: str, options: str, sources: str) -> str:
     """Return the name of a kernel's file; ``sources`` is a digest of all texts it comes from."""
+    import llvmlite
+    import numba
+
     python = sys.implementation.cache_tag
     numpy_major = np.__version__.partition(".")[0]
     versions = (_FORMAT, python, numba.__version__, llvmlite.__version__, numpy_major)

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import typeof
-from numba.core import config, event
 
-from rpud_sim.kernels.dispatchers import kernel_compiler
+from rpud_sim.kernels.kernel import Kernel, is_disabled, kernel_compiler
 from rpud_sim.kernels.store import KernelStore, notice, this_target, user_folders
 
 # Beside the package, so that an installation has its kernels for every user. Where that folder
@@ -25,7 +23,7 @@ def record_type(fields: list[Any]) -> np.dtype[Any]:
     """Return the type of records that kernels read by attributes, such as ``state.seconds``."""
     plain = np.dtype(fields, align=True)
     # Numba reads them so; in Python, with NUMBA_DISABLE_JIT, it takes records of this class.
-    return np.dtype((np.record, plain)) if config.DISABLE_JIT else plain
+    return np.dtype((np.record, plain)) if is_disabled() else plain
 
 
 def floats(*names: str) -> list[Any]:
@@ -41,27 +39,25 @@ def compilation_notice() -> str:
 _LONG = 1.0  # time of compiling after which it is reported [s]
 
 
-class _CompilationListener(event.Listener):
-    """Listener of Numba that starts a timer when the first kernel is compiled, not loaded."""
-
-    def __init__(self, notice: threading.Timer) -> None:
-        self._notice = notice
-
-    def on_start(self, event: event.Event) -> None:
-        """Numba begins to compile."""
-        if self._notice.ident is None:
-            self._notice.start()
-
-    def on_end(self, event: event.Event) -> None:
-        """Numba has compiled."""
-
-
 @contextmanager
 def compilation_reported(report: Callable[[str], object]) -> Iterator[None]:
     """Context that reports, from another thread, that kernels are compiled and it takes long."""
+    from numba.core import event
+
     timer = threading.Timer(_LONG, lambda: report(compilation_notice()))
+
+    class Listener(event.Listener):
+        """Starts the timer when the first kernel is compiled, not loaded."""
+
+        def on_start(self, event: event.Event) -> None:
+            if timer.ident is None:
+                timer.start()
+
+        def on_end(self, event: event.Event) -> None:
+            """Numba has compiled."""
+
     try:
-        with event.install_listener("numba:compile", _CompilationListener(timer)):
+        with event.install_listener("numba:compile", Listener()):
             yield
     finally:
         timer.cancel()
@@ -98,7 +94,9 @@ def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
     """
     if kernel not in _machine_codes:
         code: Callable[..., Any] = kernel
-        if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT
-            code = kernel.compile(tuple(map(typeof, examples)))
+        if isinstance(kernel, Kernel):  # not with NUMBA_DISABLE_JIT
+            from numba import typeof
+
+            code = kernel.dispatcher.compile(tuple(map(typeof, examples)))
         _machine_codes[kernel] = code
     return _machine_codes[kernel]

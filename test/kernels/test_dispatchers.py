@@ -42,7 +42,7 @@ def kernel(values):
 STORE = """
 import os
 from pathlib import Path
-from rpud_sim.kernels.dispatchers import kernel_compiler
+from rpud_sim.kernels.kernel import kernel_compiler
 from rpud_sim.kernels.store import KernelStore
 
 here = Path(__file__).parent

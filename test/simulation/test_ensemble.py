@@ -58,7 +58,7 @@ def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure()
 # What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.
 AFTER_COMPILING = """
 import sys
-from numba.core.dispatcher import Dispatcher
+from rpud_sim.kernels.kernel import Kernel
 from rpud_sim.simulation.changes import Change, Clear, Configure, Inject
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, Settings
@@ -70,7 +70,7 @@ from rpud_sim.simulation.run import Run
 def compiled():
     modules = [module for name, module in sys.modules.items() if name.startswith("rpud_sim.")]
     found = [item for module in modules for item in vars(module).values()]
-    return {each: len(each.overloads) for each in found if isinstance(each, Dispatcher)}
+    return {each: len(each.dispatcher.overloads) for each in found if isinstance(each, Kernel)}
 
 compile_kernels(Configuration())
 before = compiled()
