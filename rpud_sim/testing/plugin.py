@@ -239,12 +239,19 @@ def _end_at_caller(trace: TracebackType | None) -> None:
 
 @pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """End the drills, and wait for the report pages."""
+    """Have the drills end, while pytest prints its summary, and wait for the report pages."""
     pool = session.config.stash.get(POOL, None)
     if pool is not None:
-        pool.close()
+        pool.interrupt()
     if _PAGES in session.config.stash:
         session.config.stash[_PAGES].shutdown()
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Wait until the drills have ended."""
+    pool = config.stash.get(POOL, None)
+    if pool is not None:
+        pool.close()
 
 
 @pytest.fixture
