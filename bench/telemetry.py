@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
@@ -17,12 +15,11 @@ import rclpy
 from rpud_msgs.msg import WeightOnBit
 from rpud_msgs.srv import ListFaults
 
-from bench.bare_timer import SHARES
+from bench.bare_timer import PRIORITY, SHARES, BareTimer
 from bench.command import RPUD
 from bench.table import Row, row, used_by
 from bench.talk import Talk, called, ros
 from rpud_sim.ros.threads import DelayHistogram
-from rpud_sim.simulation.configuration import Settings
 
 SECONDS = 600.0  # of listening at the default rates: one block of 1,000 comes in 10 s
 LARGEST_SECONDS = 60.0  # of listening at the largest, where it comes each second
@@ -32,7 +29,6 @@ LOADS: Mapping[str, Mapping[str, object]] = {
     "largest": {"weight_on_bit": 80.0, "sample_rate": 100_000, "telemetry_rate": 1000},
 }
 _REQUESTS = 20.0  # of commands and of calls of a service, each [1/s]
-_PRIORITY = Settings().thread_priority
 _TIME_SHARING = "an ordinary bare timer, without a priority"
 _OF_ITS_PRIORITY = "a bare timer with the node's priority"
 _CALLS = 200  # of a service
@@ -51,19 +47,19 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
     largest = name == "largest"
     with contextlib.ExitStack() as stack:
         talk = stack.enter_context(Talk(LOADS[name]))
-        running: dict[str, _BareTimer] = {}
+        running: dict[str, BareTimer] = {}
         if largest:
             stack.enter_context(_recorder(talk.namespace))
         else:
-            for key, priority in ((_TIME_SHARING, 0), (_OF_ITS_PRIORITY, _PRIORITY)):
-                running[key] = stack.enter_context(_BareTimer(priority))
+            for key, priority in ((_TIME_SHARING, 0), (_OF_ITS_PRIORITY, PRIORITY)):
+                running[key] = stack.enter_context(BareTimer(priority))
         talk.settle()  # the starts of the others took time from it
         began, heard, sent = time.monotonic(), talk.hearing.delays.count, talk.hearing.bytes
         used = used_by(talk.process.pid)
         talk.listen(seconds)
         elapsed = time.monotonic() - began
         share = 100.0 * (used_by(talk.process.pid) - used) / elapsed
-        late = {key: each.quantiles() for key, each in running.items()}
+        late = {key: each.end() for key, each in running.items()}
         values = talk.diagnostics()
         impacts = talk.hearing.delays
         goals = {} if largest else {"most": 8.0}
@@ -108,30 +104,6 @@ def _answers(name: str, talk: Talk) -> Iterator[Row]:
     yield row(f"{what}, p50", 1e3 * replies.quantile(0.5), "ms")
     yield row(f"{what}, p99", 1e3 * replies.quantile(0.99), "ms")
     yield row(f"{what}, slowest", 1e3 * replies.greatest, "ms", most=50.0)
-
-
-class _BareTimer:
-    """The program `bench.bare_timer` in a separate process, with a priority."""
-
-    def __init__(self, priority: int) -> None:
-        words = (sys.executable, "-m", "bench.bare_timer", str(priority))
-        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-
-    def __enter__(self) -> _BareTimer:
-        assert self._process.stdout
-        self._process.stdout.readline()  # it has begun
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.wait()
-
-    def quantiles(self) -> dict[str, float]:
-        """End it, and return the quantiles of its lateness [ms]."""
-        self._process.send_signal(signal.SIGINT)
-        said, _ = self._process.communicate(timeout=30.0)
-        found: dict[str, float] = json.loads(said)
-        return found
 
 
 @contextlib.contextmanager
