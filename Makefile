@@ -24,6 +24,7 @@ PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-che
 # pip's configuration, such as the address of a mirror: then pip installs.
 UV_INSTALL = .venv/bin/python -m uv --quiet $(1) pip install --python .venv/bin/python --require-hashes --no-deps $(2) 2>/dev/null
 INSTALL = $(call UV_INSTALL,,$(1)) || $(call UV_INSTALL,--system-certs,$(1)) || $(PIP_INSTALL) $(1)
+SLIM = .venv/bin/python toolchain/slim.py .venv
 WITH_ENV := source ./env.bash &&
 # CMake's own make must not take part in the jobs of this one.
 COLCON_BUILD := unset MAKEFLAGS MFLAGS && source toolchain/ros_env.bash && colcon build --symlink-install --packages-select
@@ -177,6 +178,7 @@ help: ## Show this help
 	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@$(call INSTALL,--no-build-isolation -r $(LOCK))
+	@$(SLIM)
 	@# colcon looks for ROS in folders with such files, and warns where they are missing.
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
@@ -185,12 +187,14 @@ help: ## Show this help
 .venv/.rest: $(REST) .venv/.installed
 	@echo "Installing packages of tests and sweeps into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
+	@$(SLIM)
 	@touch $@
 
 # What exports and pictures need: a quarter of all, so that `make test` does without. Only extended tests use it.
 .venv/.extras: $(EXTRAS) .venv/.rest
 	@echo "Installing packages of exports and pictures into .venv ..."
 	@$(call INSTALL,--only-binary :all: -r $<)
+	@$(SLIM)
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.extras

@@ -31,6 +31,7 @@ _START = 180.0  # that a drill may take to start, which compiles where nothing i
 _PATIENCE = 60.0  # that the drill may take to answer or to publish [s]
 _DELIVERY = 5.0  # that subscribers may take to acknowledge [s]
 _LONGEST_ADVANCE = SECOND  # beside others: the middleware keeps some thousand messages [ns]
+_LIFE_CYCLE = "drill_node/change_state"
 _OWN_NODES = 3  # in the domain of a drill: its node and two of the test
 
 Value = TypeVar("Value")
@@ -53,6 +54,11 @@ class LockstepClient(DrillClient):
     play = _refused("play", "step")
     reset = _refused("reset", "reset")
 
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        # Now, so that the service is discovered by the first test with other parameters.
+        self._services.add(ChangeState, _LIFE_CYCLE)
+
     def advance(self, nanoseconds: int, entries_from: int, shuffle: int = 0) -> Any:
         """Advance, and return the response, with the journal's entries from a number on.
 
@@ -66,10 +72,8 @@ class LockstepClient(DrillClient):
 
     def change_state(self, *transitions: str) -> None:
         """Let the drill's node make transitions of its life cycle."""
-        name = "drill_node/change_state"
-        self._services.add(ChangeState, name)
         for label in transitions:
-            self._ask(name, ChangeState.Request(transition=Transition(label=label)))
+            self._ask(_LIFE_CYCLE, ChangeState.Request(transition=Transition(label=label)))
 
     def set_all_parameters(self, values: Mapping[str, Any]) -> None:
         """Set parameters while the drill is not configured."""
