@@ -3,7 +3,7 @@
 import pytest
 from support import extended
 
-from rpud_sim.testing import SystemUnderTestError
+from rpud_sim.testing import SystemUnderTestError, systems
 
 NODE = "../helpers/resting.py"
 TOPICS = ("contact_force", "reacting_force")
@@ -76,9 +76,10 @@ def test_a_process_that_dies_while_it_rests_is_started_again(drill):
     assert first.pid != second.pid
 
 
-def test_a_node_that_does_not_leave_is_ended_with_a_warning(drill):
+def test_a_node_that_does_not_leave_is_ended_with_a_warning(drill, monkeypatch):
+    monkeypatch.setattr(systems, "_REST", 1.0)  # it stays for ever
     first = start(drill, "stays")
-    with pytest.warns(UserWarning, match=r"resting.py is still in the graph 5 s after a call of /"):
+    with pytest.warns(UserWarning, match=r"resting.py is still in the graph 1 s after a call of /"):
         begin_next_test(drill)
     assert not first.running
     drill.step(0.1)
