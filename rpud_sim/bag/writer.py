@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -31,7 +30,7 @@ from rpud_sim.bag.metadata import (
     metadata_of,
     stored_name,
 )
-from rpud_sim.foundation.atomic_folder import write_atomic
+from rpud_sim.foundation.atomic_folder import make_folder, remove_folder, write_atomic
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.user_files import named_errors
 from rpud_sim.messages.batch import LATEST, Batch
@@ -81,13 +80,13 @@ class BagWriter:
         self._listed_size = 0  # bytes that topics take in the metadata, at most
         self._file: McapWriter | None = None
         stored_name(self.path)  # before anything is created
-        _create(self.path)
+        self._made = _create(self.path)  # folders, its own first
         try:
             self._open_file()
             with named_errors(self.path, BagError):
                 _sync(self.path.parent)
         except BaseException:
-            self._discard()
+            self.discard()
             raise
 
     @property
@@ -266,8 +265,9 @@ class BagWriter:
             with suppress(BagError, OSError):
                 file.close()
 
-    def _discard(self) -> None:
-        shutil.rmtree(self.path, ignore_errors=True)
+    def discard(self) -> None:
+        """Delete the bag, and the folders above it that were made for it."""
+        remove_folder(self._made)
         self._release()
 
 
@@ -279,7 +279,7 @@ def whole_bag(path: str | os.PathLike[str]) -> Iterator[BagWriter]:
         yield bag
         bag.close()
     except BaseException:
-        bag._discard()
+        bag.discard()
         raise
 
 
@@ -290,11 +290,11 @@ def _time_error(topic: str, log_time: int, publish_time: int) -> BagError:
     )
 
 
-def _create(folder: Path) -> None:
+def _create(folder: Path) -> list[Path]:
     if os.path.lexists(folder):
         raise BagExistsError(f"{folder} exists already; a bag is never overwritten")
     with named_errors(folder, BagError):
-        os.makedirs(folder)
+        return make_folder(folder)
 
 
 def _write_document(folder: Path, metadata: Mapping[str, Any]) -> None:

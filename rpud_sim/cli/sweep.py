@@ -52,7 +52,9 @@ def _sweep(options: Any) -> int:
     out = Path(options.out) if options.out else None
     if out and out.suffix not in (".csv", ".parquet"):
         raise ParameterError(f"--out {options.out} ends neither in .csv nor in .parquet")
-    with atomic_file(out) if out else nullcontext() as unfinished:  # before the work
+    if options.plots:
+        _matplotlib()  # before the work, as the file
+    with atomic_file(out) if out else nullcontext() as unfinished:
         frame = sweep(rows, options.duration, int(options.seeds))
         if out and unfinished:
             with named_errors(out):
@@ -131,11 +133,15 @@ def _lines(frame: pandas.DataFrame, files: list[str]) -> Iterator[str]:
     yield from map(printable, files)
 
 
-def _plots(frame: pandas.DataFrame, folder: Path) -> Iterator[Path]:
-    """Write one picture for each metric, over each parameter; yield the files."""
+def _matplotlib() -> Any:
     from rpud_sim.foundation.extras import import_extra
 
-    pictures = import_extra("matplotlib.figure", "a picture", "'rpud_sim[studies]'")
+    return import_extra("matplotlib.figure", "a picture", "'rpud_sim[studies]'")
+
+
+def _plots(frame: pandas.DataFrame, folder: Path) -> Iterator[Path]:
+    """Write one picture for each metric, over each parameter; yield the files."""
+    pictures = _matplotlib()
     folder.mkdir(parents=True, exist_ok=True)
     names, units = _points(frame), frame.attrs["units"]
     metrics = list(frame)[list(frame).index("seed") + 1 : -1]

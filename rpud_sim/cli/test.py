@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
 from rpud_sim.cli.program import ExitCode, print_result, progress_bar
-from rpud_sim.foundation.atomic_folder import atomic_file
+from rpud_sim.foundation.atomic_folder import atomic_file, check_folder
 from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.terminal import cell, print_error, printable, table
@@ -100,6 +100,8 @@ def _test_bag(options: Any, expect: str) -> int:
     from rpud_sim.verdicts import Record, evaluate, read_expectations
     from rpud_sim.verdicts.verdict import OUTCOMES, junit_xml
 
+    if options.junit:
+        check_folder(Path(options.junit))  # before the work
     expectations = read_expectations(expect)
     topics = sorted({topic for each in expectations for topic in each.topics})
     with progress_bar(" messages", scaled=True) as bar:

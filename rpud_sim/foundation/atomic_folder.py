@@ -5,8 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rpud_sim.foundation.user_files import named_errors
@@ -28,18 +28,46 @@ def atomic_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     for existing, name in ((whole, os.fspath(out)), (part, f"{os.fspath(out)}.part")):
         if os.path.lexists(existing):
             raise FileExistsError(errno.EEXIST, EXISTS, name)
-    part.mkdir(parents=True)
+    made = make_folder(part)
     try:
         yield part
         part.rename(whole)
     except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
+        remove_folder(made)
         raise
+
+
+def make_folder(folder: Path) -> list[Path]:
+    """Make a folder and those above it; return what was made, the folder first."""
+    made = [each for each in (folder, *folder.parents) if not os.path.lexists(each)]
+    try:
+        folder.mkdir(parents=True)
+    except OSError:
+        remove_folder(made)
+        raise
+    return made
+
+
+def remove_folder(made: Sequence[Path]) -> None:
+    """Remove a folder with its content, and of those that were made above it the empty ones."""
+    for folder in made[:1]:
+        shutil.rmtree(folder, ignore_errors=True)
+    for folder in made[1:]:
+        with suppress(OSError):  # something else has come there
+            folder.rmdir()
+
+
+def check_folder(path: Path) -> None:
+    """Raise a FileNotFoundError if there is no folder for a file."""
+    if not path.parent.is_dir():
+        text = f"there is no folder {path.parent}"
+        raise FileNotFoundError(errno.ENOENT, text, os.fspath(path))
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
     """Context with a path to write to, which replaces ``path`` when all is on the disk."""
+    check_folder(path)
     unfinished = path.with_name(path.name + UNFINISHED)
     # A killed process may have left it. A link of that name must not be followed: its target is not
     # ours.

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.foundation.atomic_folder import EXISTS, atomic_folder, write_atomic
+from rpud_sim.foundation.atomic_folder import EXISTS, atomic_folder, check_folder, write_atomic
 from rpud_sim.foundation.user_files import named_errors
 from rpud_sim.recorded import RecordingError
 
@@ -24,8 +24,8 @@ def check_new_file(out: str | os.PathLike[str]) -> None:
     """Raise a RecordingError if ``out`` exists, or its folder does not."""
     if os.path.lexists(out):
         raise RecordingError(f"{os.fspath(out)}: {EXISTS}")
-    if not Path(out).parent.is_dir():
-        raise RecordingError(f"{os.fspath(out)}: there is no folder {Path(out).parent}")
+    with named_errors(out, RecordingError):
+        check_folder(Path(out))
 
 
 def write_new_file(out: str | os.PathLike[str], text: str) -> None:

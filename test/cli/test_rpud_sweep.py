@@ -1,6 +1,7 @@
 """`rpud sweep`: a table, a file and pictures of the runs that rpud_sim.sweep gives."""
 
 import json
+import sys
 
 import pandas
 import pytest
@@ -24,6 +25,18 @@ def test_a_grid_is_a_file_with_a_row_for_each_run(rpud, tmp_path, ending):
     figures = rpud_sim.simulate(0.2, seed=1, weight_on_bit=20, contact_model="given").metrics
     (row,) = frame.query("weight_on_bit == 20 and contact_model == 'given' and seed == 1").iloc
     assert row["contact_force_mean"] == figures["contact_force_mean"]
+
+
+def test_what_a_file_or_a_picture_needs_is_looked_for_before_the_work(rpud, tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.scripting.sweep.sweep", lambda *_: pytest.fail("it worked"))
+    file = tmp_path / "missing" / "runs.csv"
+    expected = f"rpud sweep: {file}: there is no folder {file.parent}\n"
+    assert rpud(*WORDS, *GRID, "--out", file) == (1, "", expected)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    code, output, errors = rpud(*WORDS, *GRID, "--plots", tmp_path / "plots")
+    assert (code, output) == (1, "")
+    assert errors.startswith("rpud sweep: needs matplotlib: pip install")
+    assert not (tmp_path / "plots").exists()
 
 
 def test_points_of_a_csv_file_go_with_values(rpud, tmp_path):

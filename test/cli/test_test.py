@@ -64,6 +64,13 @@ def test_json_and_junit_have_every_verdict(drill_bag, rpud, tmp_path):
     assert "before it is decided" in long.find("error").get("message")
 
 
+def test_a_file_that_has_no_folder_is_refused_before_the_bag_is_read(rpud, tmp_path):
+    file = tmp_path / "missing" / "j.xml"
+    code, out, err = rpud(tmp_path / "no bag", [PASSED], "--junit", file)
+    assert (code, out) == (1, "")
+    assert err == f"rpud test: {file}: there is no folder {file.parent}\n"
+
+
 def test_the_example_is_understood():
     path = Path(__file__).resolve().parents[2] / "config" / "expectations.yaml"
     assert [each.requirement for each in read_expectations(path)] == [

@@ -7,7 +7,13 @@ import sys
 
 import pytest
 
-from rpud_sim.foundation.atomic_folder import UNFINISHED, atomic_file, atomic_folder
+from rpud_sim.foundation.atomic_folder import (
+    UNFINISHED,
+    atomic_file,
+    atomic_folder,
+    make_folder,
+    remove_folder,
+)
 
 
 def written(context, error):
@@ -29,6 +35,28 @@ def test_after_an_error_nothing_is_left_but_what_was_there(tmp_path, error):
     written(atomic_file(tmp_path / "old"), error)
     assert os.listdir(tmp_path) == ["old"]
     assert (tmp_path / "old").read_text() == "old"
+
+
+def test_folders_above_go_with_what_they_were_made_for(tmp_path):
+    (tmp_path / "there").mkdir()
+    for name in ("new/deep/out", "there/new/out"):
+        written(atomic_folder(tmp_path / name), ValueError)
+    assert sorted(tmp_path.rglob("*")) == [tmp_path / "there"]
+    too_long = tmp_path / "new" / ("x" * 300)
+    with pytest.raises(OSError, match="too long"):
+        make_folder(too_long)
+    made = make_folder(tmp_path / "new" / "deep")
+    (tmp_path / "new" / "of others").touch()
+    remove_folder(made)
+    assert os.listdir(tmp_path / "new") == ["of others"]
+
+
+def test_a_file_without_a_folder_is_named_before_the_work(tmp_path):
+    path = tmp_path / "missing" / "table"
+    missing = pytest.raises(FileNotFoundError, match=f"there is no folder {path.parent}")
+    with missing as caught, atomic_file(path):
+        pytest.fail("it was entered")
+    assert caught.value.filename == str(path)
 
 
 @pytest.mark.parametrize("name", ["out", "out.part"])

@@ -42,7 +42,7 @@ def test_a_bag_holds_what_it_is_a_recording_of(process, tmp_path):
     recorder.wait_for_line("knows the parameters of /rpud/drill_node")
     recorder.interrupt()
     assert recorder.wait() == 0
-    mistyped = process("recorder", "contact_froce", "--out", tmp_path / "none")
+    mistyped = process("recorder", "contact_froce", "--out", tmp_path / "none" / "bag")
     named = "/rpud/contact_froce; did you mean /rpud/contact_force?"
     mistyped.wait_for_line(re.escape(f"not there yet: {named}"))
     mistyped.interrupt()

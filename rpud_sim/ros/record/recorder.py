@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -95,7 +94,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         return RecordResult(text, f"stopped with a whole bag: {writing.refusal}")
     reason = failure(node, allow_empty=options.allow_empty)
     if reason and not bag.message_count:
-        shutil.rmtree(bag.path)  # it would be in the way of the corrected call
+        bag.discard()  # it would be in the way of the corrected call
         return RecordResult("", f"{reason}: no bag is left")
     if not ticked:
         lacking = "nothing came on /clock, so log times are of this machine's clock"
