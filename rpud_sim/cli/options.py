@@ -15,7 +15,7 @@ from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
-from rpud_sim.foundation.quantities import ExpectedError, Quantity
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, Quantity
 from rpud_sim.foundation.terminal import print_error, printable
 from rpud_sim.foundation.verbs import EXACTLY_ONE
 
@@ -205,7 +205,8 @@ def _with_flags(text: str, fields: Fields) -> str:
 def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespace:
     """Return the options of parsed arguments; one that is not given has its default.
 
-    A number outside its range is a ParameterError that names the option.
+    A number outside its range is a ParameterError that names the option. So is an empty text: a
+    shell gives it for a variable that is not set. An empty namespace is the root.
     """
     values = {}
     for name, field in fields.items():
@@ -213,6 +214,10 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
         quantity = field.metadata.get("quantity")
         if value is None:
             value = field.default
+        elif "" in (value if isinstance(value, list) else [value]) and name != "namespace":
+            positional = field.metadata.get("positional")
+            shown = field.metadata["metavar"] if positional else _flag(name, field)
+            raise ParameterError(f"{shown} is empty")
         elif quantity and isinstance(value, list):
             value = [quantity.check(_flag(name, field), _number(each)) for each in value]
         elif quantity:

@@ -52,8 +52,11 @@ def _sweep(options: Any) -> int:
     out = Path(options.out) if options.out else None
     if out and out.suffix not in (".csv", ".parquet"):
         raise ParameterError(f"--out {options.out} ends neither in .csv nor in .parquet")
-    if options.plots:
-        _matplotlib()  # before the work, as the file
+    if options.plots:  # before the work, as the file
+        _matplotlib()
+        plots = Path(options.plots)
+        if plots.exists() and not plots.is_dir():
+            raise ParameterError(f"--plots {options.plots} is not a folder")
     with atomic_file(out) if out else nullcontext() as unfinished:
         frame = sweep(rows, options.duration, int(options.seeds))
         if out and unfinished:

@@ -28,7 +28,11 @@ def atomic_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     for existing, name in ((whole, os.fspath(out)), (part, f"{os.fspath(out)}.part")):
         if os.path.lexists(existing):
             raise FileExistsError(errno.EEXIST, EXISTS, name)
-    made = make_folder(part)
+    try:
+        made = make_folder(part)
+    except OSError as error:
+        error.filename = os.fspath(out)
+        raise
     try:
         yield part
         part.rename(whole)
@@ -58,10 +62,12 @@ def remove_folder(made: Sequence[Path]) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Raise a FileNotFoundError if there is no folder for a file."""
+    """Raise an OSError if there is no folder for a file, or a folder has its name."""
     if not path.parent.is_dir():
         text = f"there is no folder {path.parent}"
         raise FileNotFoundError(errno.ENOENT, text, os.fspath(path))
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
 
 
 @contextmanager

@@ -6,13 +6,15 @@ import re
 import shlex
 import subprocess
 import sys
+from argparse import Namespace
 
 import pytest
 from sample_bags import write_bag
 from support import called, extended
 
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
-from rpud_sim.cli.options import DECLARED
+from rpud_sim.cli.options import DECLARED, options_from
+from rpud_sim.foundation.quantities import ParameterError
 
 HEAVY = ("numpy", "numba", "scipy", "tornado", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
 ROS = ("ament_index_python", "rclpy", "rpud_msgs", "std_msgs", "builtin_interfaces")
@@ -61,6 +63,9 @@ def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
         (["sweep"], "rpud sweep: there are no points: give --set or --points"),
         (["sweep", "--set", "mass=1,2"], "rpud sweep: point 0: mass is not a parameter; did you"),
         (["sweep", "--set", "gravity=1", "--out", "a.txt"], "rpud sweep: --out a.txt ends neither"),
+        (["run", "--record", ""], "rpud run: --record is empty\n"),
+        (["simulate", "--config", ""], "rpud simulate: --config is empty\n"),
+        (["compare", "a", ""], "rpud compare: B is empty\n"),
         (["press", "nan"], "rpud press: argument FORCE: 'nan' is not a number; see rpud press"),
         (["inject"], "rpud inject: one of the arguments KIND --list is required"),
         (["inject", "choking", "--list"], "rpud inject: argument --list: not allowed with"),
@@ -74,6 +79,18 @@ def test_a_wrong_call_is_one_line_and_exit_code_2(capsys, words, complaint):
     assert (code, output) == (2, "")
     assert errors.startswith(complaint)
     assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_text_that_a_command_takes_may_be_empty(name):
+    # A shell gives it for a variable that is not set: then nothing would be recorded, or written.
+    load_command(name)
+    for key, field in DECLARED[name].fields.items():
+        text = "quantity" not in field.metadata and not isinstance(field.default, bool)
+        if field.metadata and text and key != "namespace":
+            for given in ("", [""]):
+                with pytest.raises(ParameterError, match="is empty"):
+                    options_from(Namespace(**{key: given}), {key: field})
 
 
 def test_help_loads_neither_numpy_nor_ros():
