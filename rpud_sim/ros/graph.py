@@ -19,7 +19,12 @@ from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
 
-from rpud_sim.foundation.quantities import ExpectedError, did_you_mean
+from rpud_sim.foundation.quantities import (
+    ExpectedError,
+    ParameterError,
+    did_you_mean,
+    short_repr,
+)
 from rpud_sim.messages.encoder import CODES, Members
 from rpud_sim.messages.encoder import Sequence as SequenceOf
 
@@ -35,6 +40,17 @@ _REPETITION = 0.05  # of a probe's request [s]
 
 class UnknownTypeError(ExpectedError):
     """Message type that is not installed."""
+
+
+def resolve_topic(node: Node, name: Any) -> str:
+    """Return the absolute name of a topic; one that ROS does not allow is a ParameterError."""
+    try:
+        return str(node.resolve_topic_name(name))
+    except TypeError:
+        reason = "it is not a text"
+    except RuntimeError as error:  # RCLError: "failed to resolve name: REASON, at FILE:LINE"
+        reason = str(error).partition(": ")[2].rpartition(", at ")[0]
+    raise ParameterError(f"topic = {short_repr(name)} is not allowed: {reason}")
 
 
 def message_class(type_name: str) -> Any:

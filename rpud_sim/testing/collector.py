@@ -19,7 +19,7 @@ from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topics import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.endpoints import SequenceGaps, request_for
-from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.graph import message_class, resolve_topic
 from rpud_sim.ros.received import DEPTH, ReceivedTopic
 from rpud_sim.ros.waiting import WaitSet
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
@@ -137,7 +137,7 @@ class Collector:
     def resolve(self, name: str) -> str:
         """Return the absolute name of a topic; a relative one is of the drill's namespace."""
         if (known := self._absolute.get(name)) is None:
-            known = self._absolute[name] = str(self.node.resolve_topic_name(name))
+            known = self._absolute[name] = resolve_topic(self.node, name)
         return known
 
     def own(self, name: str) -> StoredTopic:

@@ -245,7 +245,9 @@ class LockstepDrill(DeclaredAttributes, Lockstep):
         """
         heard = self._collector.subscribe(topic, kind)
         if heard is None:
-            raise ParameterError(f"no publisher on {self._collector.resolve(topic)}; give its type")
+            hint = did_you_mean(topic, TOPICS, others=False)
+            absent = f"no publisher on {self._collector.resolve(topic)}; give its type"
+            raise ParameterError(f"{absent}{hint}")
         if topic in TOPICS:
             self.await_connections()
             if heard.number is None:

@@ -418,7 +418,9 @@ class Systems:
 
 def _words(command: Sequence[str]) -> list[str]:
     words = shlex.split(command[0]) if len(command) == 1 else list(command)
-    if words and words[0] in ("python", "python3"):
+    if not words or not words[0]:
+        raise ParameterError(f"start takes a command, not {command!r}")
+    if words[0] in ("python", "python3"):
         words[0] = sys.executable
     return words
 

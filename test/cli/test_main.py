@@ -71,6 +71,7 @@ def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
         (["inject", "choking", "--list"], "rpud inject: argument --list: not allowed with"),
         (["set", "seed"], "rpud set: 'seed' is not of the form name=value"),
         (["engage", "--namespace", "a//b"], "rpud engage: Invalid namespace: namespace must not"),
+        (["record", "--out", "bag", "a//b"], "rpud record: topic = 'a//b' is not allowed: "),
         (["echo", "a b"], "rpud echo: Invalid topic name"),
     ],
 )

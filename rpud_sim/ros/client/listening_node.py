@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ExpectedError, did_you_mean
 from rpud_sim.ros.client.arguments import SECONDS
-from rpud_sim.ros.graph import RepeatedRequest, node_name
+from rpud_sim.ros.graph import RepeatedRequest, node_name, resolve_topic
 from rpud_sim.ros.process import name_error, start_ros
 from rpud_sim.ros.received import ReceivedTopic, Sink
 from rpud_sim.ros.threads import raised
@@ -123,7 +123,7 @@ class ListeningNode:
         self, kind: Any, topic: str, sink: Sink, qos: QoSProfile | None = None
     ) -> ReceivedTopic:
         """Subscribe to a topic, whose messages ``sink`` takes; see ``ReceivedTopic``."""
-        name = self.node.resolve_topic_name(topic)
+        name = resolve_topic(self.node, topic)
         self._topics.append(received := ReceivedTopic(self.node, name, kind, sink, qos))
         return received
 

@@ -15,7 +15,6 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.validate_namespace import validate_namespace
-from rclpy.validate_topic_name import validate_topic_name
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
@@ -28,7 +27,14 @@ from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.metadata import Losses
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.endpoints import taken
-from rpud_sim.ros.graph import CLOCK, STATUS, UnknownTypeError, message_class, node_name
+from rpud_sim.ros.graph import (
+    CLOCK,
+    STATUS,
+    UnknownTypeError,
+    message_class,
+    node_name,
+    resolve_topic,
+)
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.received import DISCOVERY, ReceivedTopic, Sink
 from rpud_sim.ros.record.declaration import declaration
@@ -65,14 +71,14 @@ class Recorder(Node):
     """Receives serialized messages of the topics that the options select, for an intake."""
 
     def __init__(self, intake: WriteQueue, options: RecordOptions) -> None:
-        # rclpy itself would log a warning, and would not name an invalid topic.
+        # rclpy itself would log a warning.
         validate_namespace(f"/{options.namespace.lstrip('/')}")
-        for topic in options.topics:
-            validate_topic_name(topic)
         super().__init__("recorder", namespace=options.namespace, start_parameter_services=False)
         self.intake = intake
         self._options = options
-        self._named: frozenset[str] = frozenset(map(self.resolve_topic_name, options.topics))
+        self._named: frozenset[str] = frozenset(
+            resolve_topic(self, topic) for topic in options.topics
+        )
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self.topics: dict[str, ReceivedTopic] = {}  # that are subscribed
         self.further_types: dict[str, set[str]] = {}  # of these, which are not recorded
