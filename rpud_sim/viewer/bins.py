@@ -104,7 +104,7 @@ class Bins:
         wide = 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width)))
         chosen = self._between(start, end, wide)
         first, place = chosen.start, self._place[signal]
-        if chosen.stop <= first:
+        if chosen.stop == first:
             return dict.fromkeys(("t", "mean", "low", "high"), np.empty(0))
         starts = np.arange(first, chosen.stop, wide) - first
         least, greatest, total, count = (
@@ -122,7 +122,8 @@ class Bins:
     def _between(self, start: float, end: float, wide: int = 1) -> slice:
         """Return the places of a range of time [s], which begins at a multiple of so many bins."""
         first = max(0, int(np.floor(start / self.width)) // wide * wide - self.first)
-        return slice(first, min(int(np.ceil(end / self.width)) + 1 - self.first, self._length))
+        last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._length)
+        return slice(first, max(first, last))
 
     def _grow(self, latest: float) -> None:
         half = self._length // 2

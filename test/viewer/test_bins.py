@@ -49,6 +49,14 @@ def test_the_latest_value_is_the_last_one_that_a_view_shows(pairs, start, newest
     np.testing.assert_equal(bins.latest("x", start, start + 50.0), *expected)
 
 
+def test_before_what_is_kept_there_is_no_latest_value():
+    bins = Bins(["x"], 1.0, 16, newest=True)
+    bins.add("x", np.arange(40.0), np.arange(40.0))
+    assert bins.first > 4
+    assert np.isnan(bins.latest("x", bins.first - 4.0, bins.first - 3.0))
+    assert bins.latest("x", bins.first - 4.0, bins.first + 1.0) == bins.first + 1.0
+
+
 def test_where_nothing_was_heard_nothing_is_shown():
     bins = Bins(["x"], 0.05, 256)
     bins.add("x", np.array([1.0, 5.0, 6.0]), np.array([1.0, np.nan, 2.0]))
