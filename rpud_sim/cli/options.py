@@ -206,7 +206,7 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
     """Return the options of parsed arguments; one that is not given has its default.
 
     A number outside its range is a ParameterError that names the option. So is an empty text: a
-    shell gives it for a variable that is not set. An empty namespace is the root.
+    shell gives it for a variable that is not set.
     """
     values = {}
     for name, field in fields.items():
@@ -214,7 +214,7 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
         quantity = field.metadata.get("quantity")
         if value is None:
             value = field.default
-        elif "" in (value if isinstance(value, list) else [value]) and name != "namespace":
+        elif value != field.default and "" in (value if isinstance(value, list) else [value]):
             positional = field.metadata.get("positional")
             shown = field.metadata["metavar"] if positional else _flag(name, field)
             raise ParameterError(f"{shown} is empty")

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
-from itertools import pairwise
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import deserialize_message
+from rclpy.qos import QoSProfile
 from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
@@ -30,9 +26,9 @@ from rpud_sim.foundation.quantities import (
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.foundation.verbs import DeclaredAttributes, verb
 from rpud_sim.ros.client.arguments import to_number, to_parameter, to_time
+from rpud_sim.ros.client.latest_messages import FOLLOWED, LatestMessages
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
-    ClientError,
     CommandSender,
     ListeningNode,
     NoAnswerError,
@@ -44,12 +40,9 @@ from rpud_sim.ros.client.listening_node import (
     no_drill,
 )
 from rpud_sim.ros.client.topics import FastTopics, listen
-from rpud_sim.ros.graph import message_class
 from rpud_sim.ros.received import ReceivedTopic
-from rpud_sim.ros.threads import raised
 from rpud_sim.simulation.faults import Fault as CheckedFault
 from rpud_sim.simulation.scenario_file import DURATION as FAULT_DURATION
-from rpud_sim.simulation.topics import TOPICS
 
 # What a reset may restart, by name.
 SCOPES: Mapping[str, int] = {
@@ -58,9 +51,6 @@ SCOPES: Mapping[str, int] = {
     "state": srv.ResetSimulation.Request.SCOPE_STATE,
     "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
-_RESULTS = "command_results"
-_FOLLOWED = ("status", "faults", "journal", _RESULTS)  # that every client has
-_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _TINY = 1e-300  # magnitude with the effect of zero, which in a message means the default
 _DELIVERY = 1.0  # that the messages of a step may take to arrive [s]
 _STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
@@ -98,14 +88,10 @@ class DrillClient(DeclaredAttributes, ListeningNode):
     ) -> None:
         super().__init__(node_name, namespace, domain_id, patience)
         self._found = False
-        self._followed: dict[str, ReceivedTopic] = {}
-        self._latest: dict[str, Any] = {}  # message by topic, or its bytes before its first use
-        self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
         self._listened: list[ReceivedTopic] = []
-        self._shown = 0  # number of the status that a step returned; those before are older
         self.published = {}
-        self._observers: dict[str, Callable[[str, Any, int], object]] = {}  # by topic
-        self._follow(*_FOLLOWED)
+        self._latest = LatestMessages(self, lambda results: self._commands.take(results))
+        self._latest.follow(FOLLOWED)
         self._services = ServiceCaller(self, lambda: self.status_number)
         self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
@@ -125,18 +111,18 @@ class DrillClient(DeclaredAttributes, ListeningNode):
     def status(self) -> Status:
         """Latest status of the drill, a ``rpud_msgs/Status``."""
         self.found()
-        return self._message("status")
+        return self._latest["status"]
 
     @property
     def status_number(self) -> int:
         """Number that the drill's publisher has given to the latest status; 0 before the first."""
-        return self._numbers[-1]
+        return self._latest.status_number
 
     @property
     def faults(self) -> list[Fault]:
         """Faults since the start, those that last and those that are over, by number."""
         self.until(lambda: "faults" in self._latest, what="no list of faults came")
-        return list(self._message("faults").faults)
+        return list(self._latest["faults"].faults)
 
     @property
     def time(self) -> float:
@@ -207,9 +193,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
 
         Without any they are status, faults, journal and command_results.
         """
-        topics = topics or _FOLLOWED
-        self._observers |= dict.fromkeys(topics, observer)
-        self._follow(*(name for name in topics if name not in self._followed))
+        self._latest.follow(topics or FOLLOWED, observer)
 
     def telemetry(self, topics: Iterable[str]) -> FastTopics:
         """Subscribe to fast topics: see ``FastTopics``."""
@@ -380,9 +364,7 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         """Call a service that advances the drill, and return its response, whose status counts."""
         response = self._ask(name, request)
         self.published = dict(zip(response.topics, response.published, strict=True))
-        if self.status_number < self.published["status"]:  # those that are still on their way
-            self._shown = self.published["status"]
-            self._latest["status"] = response.status
+        self._latest.show(self.published["status"], response.status)
         if self._listened:
             self._await_listened()
         self.take()
@@ -406,45 +388,13 @@ class DrillClient(DeclaredAttributes, ListeningNode):
         self.found()
         self._commands.send(name, message)
 
-    def _follow(self, *topics: str) -> None:
-        """Subscribe to latched topics of the drill."""
-        for topic in topics:
-            kind = msg.CommandResults if topic == _RESULTS else message_class(TOPICS[topic].type)
-            sink = partial(self._on_message, topic)
-            self._followed[topic] = self.subscribe(kind, topic, sink, _LATCHED)
-
-    def _message(self, topic: str) -> Any:
-        """Return the latest message of a followed topic, of which there is one."""
-        latest = self._latest[topic]
-        if isinstance(latest, bytes):
-            try:
-                latest = deserialize_message(latest, self._followed[topic].kind)
-            except RuntimeError as error:  # rclpy raises it at a malformed message
-                raise ClientError(f"the latest message of {topic}: {raised(error)}") from error
-            self._latest[topic] = latest
-        return latest
-
-    def _on_message(self, topic: str, data: bytes, published: int, _: int) -> None:
-        if topic == "status":
-            number = self._followed[topic].number or 0
-            if number < self.status_number:  # of another process
-                self._shown = 0
-            self._numbers.append(number)
-            if number < self._shown:
-                return
-        self._latest[topic] = data
-        if topic == _RESULTS:
-            self._commands.take(self._message(topic))
-        if topic in self._observers:
-            self._observers[topic](topic, self._message(topic), published)
-
     def _check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing."""
 
         def is_alone() -> bool:
             names = self.publishers
             # The middleware remembers a killed drill for 20 s. Only numbers of living ones grow.
-            if len(names) > 1 and any(after <= before for before, after in pairwise(self._numbers)):
+            if len(names) > 1 and self._latest.numbers_fall:
                 raise NoDrillError(
                     f"{len(names)} nodes publish {self.node.resolve_topic_name('status')} "
                     f"({', '.join(filter(None, names))}): all of them would answer; start each "
