@@ -15,6 +15,7 @@ from std_msgs.msg import Int32
 from support import until
 
 from rpud_sim.bag import Message
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.options import RecordOptions
 from rpud_sim.ros.record import recorder_node
 from rpud_sim.ros.record.recorder import failure
@@ -81,9 +82,17 @@ def take(recorder, count):
     return taken
 
 
-@pytest.mark.parametrize(("topics", "namespace"), [(["a b"], "/rpud"), ([], "/a b"), ([""], "/a")])
-def test_what_is_no_name_is_refused(record, topics, namespace):
-    with pytest.raises(NameValidationException):
+@pytest.mark.parametrize(
+    ("topics", "namespace", "error"),
+    [
+        (["a b"], "/rpud", ParameterError),
+        (["a//b"], "/rpud", ParameterError),
+        ([""], "/a", ParameterError),
+        ([], "/a b", NameValidationException),
+    ],
+)
+def test_what_is_no_name_is_refused(record, topics, namespace, error):
+    with pytest.raises(error):
         record(topics, namespace)
 
 
