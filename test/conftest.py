@@ -58,10 +58,18 @@ settings.register_profile("few", deadline=None, derandomize=True, database=None,
 settings.register_profile("many", deadline=None, print_blob=True)
 settings.load_profile("many" if MANY_EXAMPLES else "few")
 
+LONG = 900.0  # that an extended test may take [s]
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the longest test first, so that the others run beside it and none waits for it."""
+    """Run the longest test first, so that the others run beside it and none waits for it.
+
+    Extended tests may compute for minutes, and beside busy loops for longer.
+    """
     items.sort(key=lambda item: item.name != "test_every_command_runs_and_prints_what_is_shown")
+    for item in items:
+        if item.get_closest_marker("extended") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(LONG))
 
 
 @pytest.fixture(scope="session")

@@ -83,7 +83,6 @@ def run(command, folder):
 
 
 @pytest.mark.extended
-@pytest.mark.timeout(900)
 def test_every_command_runs_and_prints_what_is_shown(tmp_path):
     """All pages, in the order of the index and in one folder, as in the clone of a reader.
 

@@ -19,8 +19,7 @@ from support import Process
 import rpud_sim
 
 FOLDER = Path(__file__).parents[2] / "examples" / "mujoco_arm"
-# A test computes up to 100,000 steps, a minute on an idle machine.
-pytestmark = [pytest.mark.extended, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.extended
 
 
 @pytest.fixture(scope="module")
