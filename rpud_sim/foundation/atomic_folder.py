@@ -46,8 +46,10 @@ def make_folder(folder: Path) -> list[Path]:
     made = [each for each in (folder, *folder.parents) if not os.path.lexists(each)]
     try:
         folder.mkdir(parents=True)
+    except FileExistsError:  # another process has made it meanwhile: nothing of it is ours
+        raise
     except OSError:
-        remove_folder(made)
+        _remove_empty(made[1:])
         raise
     return made
 
@@ -56,7 +58,11 @@ def remove_folder(made: Sequence[Path]) -> None:
     """Remove a folder with its content, and of those that were made above it the empty ones."""
     for folder in made[:1]:
         shutil.rmtree(folder, ignore_errors=True)
-    for folder in made[1:]:
+    _remove_empty(made[1:])
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    for folder in folders:
         with suppress(OSError):  # something else has come there
             folder.rmdir()
 

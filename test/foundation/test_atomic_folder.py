@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -49,6 +50,15 @@ def test_folders_above_go_with_what_they_were_made_for(tmp_path):
     (tmp_path / "new" / "of others").touch()
     remove_folder(made)
     assert os.listdir(tmp_path / "new") == ["of others"]
+
+
+def test_a_folder_that_another_process_makes_meanwhile_is_left_alone(tmp_path, monkeypatch):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "of another").touch()
+    monkeypatch.setattr(os.path, "lexists", lambda path: Path(path) == tmp_path)
+    with pytest.raises(FileExistsError):
+        make_folder(tmp_path / "bag")
+    assert os.listdir(tmp_path / "bag") == ["of another"]
 
 
 def test_a_file_without_a_folder_is_named_before_the_work(tmp_path):
