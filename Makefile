@@ -128,8 +128,8 @@ starts: install/.package .venv/.rest install/.kernels ## Start a node under test
 
 .PHONY: kills
 kills: install/.package .venv/.rest ## Kill KILLS recordings (1000) at random moments, and recover each
-	@$(WITH_ENV) python -m tools.kills --count $(KILLS) & writers=$$!; \
-	$(WITH_ENV) python -m tools.kills --count $(KILLS) --max-loss 1 --live; wait $$writers
+	@$(WITH_ENV) python -m tools.kills --count $(KILLS) & writers=$$! live=; \
+	$(WITH_ENV) python -m tools.kills --count $(KILLS) --max-loss 1 --live || live=failed; wait $$writers && test -z "$$live"
 
 .PHONY: soak
 soak: DURATION = 1800

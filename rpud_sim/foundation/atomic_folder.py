@@ -46,7 +46,7 @@ def make_folder(folder: Path) -> list[Path]:
     made = [each for each in (folder, *folder.parents) if not os.path.lexists(each)]
     try:
         folder.mkdir(parents=True)
-    except FileExistsError:  # another process has made it meanwhile: nothing of it is ours
+    except FileExistsError:  # another process has made it meanwhile, and it stays
         raise
     except OSError:
         _remove_empty(made[1:])
