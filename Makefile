@@ -55,6 +55,7 @@ test: install/.package .venv/.rest install/.kernels ## Run the tests of every ch
 
 # An empty mark selects the extended tests as well.
 EXTENDED = RPUD_OPTIONAL="$$PWD/.venv/optional" python -m pytest -m "" --hypothesis-seed=$(SEED)
+TWO_EACH = $$((2 * $$(nproc)))
 
 .PHONY: test-all
 test-all: SEED = $(shell echo $$RANDOM)
@@ -72,8 +73,8 @@ test-long: ## Run what takes hours, or those of PARTS: each to its end, then the
 
 .PHONY: test-busy
 test-busy: SEED = 0
-test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test beside two busy loops for each processor: no test may need an idle machine
-	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
+test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test where each processor has two and a busy loop: no test may need an idle machine
+	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) -n $(TWO_EACH) --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: mutants
 mutants: install/.package .venv/.rest install/.kernels ## Break the engine and the examples' supervisor in known ways: tests must find each
@@ -124,7 +125,7 @@ campaign: install/.package .venv/.rest ## Fly one run of config/campaign.yaml RU
 
 .PHONY: starts
 starts: install/.package .venv/.rest install/.kernels ## Start a node under test STARTS times (500), in three ways, beside busy loops: no first command is lost
-	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" -n auto test/testing/test_starts.py
+	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python tools/busy.py -- python -m pytest -m "" -n $(TWO_EACH) test/testing/test_starts.py
 
 .PHONY: kills
 kills: install/.package .venv/.rest ## Kill KILLS recordings (1000) at random moments, and recover each

@@ -18,8 +18,8 @@ from rpud_sim.foundation.child_process import end_with_parent
 def main() -> int:
     """Start the loops, run the command, end the loops."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
-    two_each = 2 * len(os.sched_getaffinity(0))
-    parser.add_argument("--loops", type=int, default=two_each, help="two for each processor")
+    one_each = len(os.sched_getaffinity(0))
+    parser.add_argument("--loops", type=int, default=one_each, help="one for each processor")
     parser.add_argument("command", nargs="+", help="what runs beside them")
     arguments = parser.parse_args()
     with ExitStack() as stack:

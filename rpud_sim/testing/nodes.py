@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 import warnings
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+from collections.abc import Collection, Iterable, Mapping
 
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -17,7 +16,6 @@ from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 from rpud_sim.testing.collector import Collector, StoredTopic
 
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
-_EVENTS = "/parameter_events"  # a topic on which every node publishes
 # Parts of the identifier of an endpoint, as Fast DDS makes it.
 _PARTICIPANT = slice(0, 12)
 _PROCESS = slice(0, 8)  # equal for all participants of one process
@@ -52,13 +50,8 @@ class DiscoveryHandshake:
         The drill and the test are none of them. A name is empty where a publisher has been
         discovered before its node.
         """
-        infos = self._collector.node.get_publishers_info_by_topic(self._collector.resolve(topic))
-        found = {bytes(each.endpoint_gid): node_name(each) for each in infos}
-        return {
-            gid: name
-            for gid, name in found.items()
-            if gid[_PARTICIPANT] not in self._gone and name not in self._not_tested
-        }
+        node = self._collector.node
+        return self._living(node.get_publishers_info_by_topic(self._collector.resolve(topic)))
 
     def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
         """Ask the drill for its account, and return the nodes that are not discovered yet.
@@ -66,9 +59,11 @@ class DiscoveryHandshake:
         ``answering`` are endpoints of other nodes, such as publishers of answers. A node that never
         answers is discovered after a while, with a warning.
         """
-        found = {**answering, **self._callers()}
+        found = dict(answering)
         for topic in ALL_COMMAND_TOPICS:
             found.update(self.publishers(topic))
+        for service in self._collector.delivery.services:
+            found.update(self._clients(service))
         waiting = {gid: name for gid, name in found.items() if gid not in self._discovered}
         names = {name for name in waiting.values() if name}
         for name in self._probes.keys() - names:
@@ -96,23 +91,18 @@ class DiscoveryHandshake:
         """A line for each service that a node under test calls and no node serves."""
         node = self._collector.node
         return sorted(
-            f"{name} calls {service}, which no node serves"
-            for name, services in self._clients().items()
-            if name not in self._not_tested
-            for service in services
+            f"{name or 'a node'} calls {service}, which no node serves"
+            for service, _ in node.get_service_names_and_types()
             if not node.count_services(service)
+            for name in set(self._clients(service).values())
         )
 
     @property
     def subscribed(self) -> set[str]:
         """Absolute names of the topics that nodes under test subscribe to."""
-        node, found = self._collector.node, set[str]()
-        for name, namespace in node.get_node_names_and_namespaces():
-            if f"{namespace.rstrip('/')}/{name}" not in self._not_tested:
-                with suppress(RuntimeError):  # it has just gone
-                    topics = node.get_subscriber_names_and_types_by_node(name, namespace)
-                    found.update(topic for topic, _ in topics)
-        return found
+        node = self._collector.node
+        topics = [topic for topic, _ in node.get_topic_names_and_types()]
+        return {each for each in topics if self._living(node.get_subscriptions_info_by_topic(each))}
 
     def renew(self) -> None:
         """Have all nodes discovered again: the test subscribes to other topics."""
@@ -153,20 +143,24 @@ class DiscoveryHandshake:
         topics = [topic for topic, _ in node.get_topic_names_and_types()]
         return [each for topic in topics for each in node.get_publishers_info_by_topic(topic)]
 
-    def _callers(self) -> dict[bytes, str]:
-        """Return publishers of the nodes that have a client of one of the drill's services."""
-        own = set(self._collector.delivery.services)
-        callers = {name for name, services in self._clients().items() if own & services}
-        return {gid: name for gid, name in self.publishers(_EVENTS).items() if name in callers}
+    def _clients(self, service: str) -> dict[bytes, str]:
+        """Return the living clients of a service, as ``publishers`` does for a topic.
 
-    def _clients(self) -> dict[str, set[str]]:
-        """Return the services that nodes have clients of, by the full names of the nodes."""
-        node, found = self._collector.node, {}
-        for name, namespace in node.get_node_names_and_namespaces():
-            with suppress(RuntimeError):  # it has just gone
-                clients = node.get_client_names_and_types_by_node(name, namespace)
-                found[f"{namespace.rstrip('/')}/{name}"] = {service for service, _ in clients}
-        return found
+        By the topic of their requests, as Fast DDS names it: by the name of a node the graph finds
+        one of all nodes of that name, also a killed one.
+        """
+        requests = f"rq{service}Request"
+        node = self._collector.node
+        return self._living(node.get_publishers_info_by_topic(requests, no_mangle=True))
+
+    def _living(self, endpoints: Iterable[TopicEndpointInfo]) -> dict[bytes, str]:
+        """Return the endpoints of other nodes, as far as their processes are known to live."""
+        found = {bytes(each.endpoint_gid): node_name(each) for each in endpoints}
+        return {
+            gid: name
+            for gid, name in found.items()
+            if gid[_PARTICIPANT] not in self._gone and name not in self._not_tested
+        }
 
 
 @dataclasses.dataclass
