@@ -15,7 +15,7 @@ from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from rpud_sim.foundation.options import DOMAIN, NAMESPACE, bag_argument, option
-from rpud_sim.foundation.quantities import ExpectedError, ParameterError, Quantity
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, Quantity, short_repr
 from rpud_sim.foundation.terminal import print_error, printable
 from rpud_sim.foundation.verbs import EXACTLY_ONE
 
@@ -24,6 +24,16 @@ RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 # Groups of options by a rule; any other name of a group is a title.
 AT_MOST_ONE = "at most one"
 
+_FILES = (
+    "A",
+    "B",
+    "BAG",
+    "BAG|CAMPAIGN",
+    "DIR",
+    "FILE",
+    "FILE.csv|.parquet",
+    "TORN",
+)  # their names
 _METAVARS = {"": "N", "%": "PERCENT"}  # metavars of units without a word
 
 Fields: TypeAlias = Mapping[str, Any]  # declarations of options by name, in their order
@@ -191,6 +201,8 @@ def new_output(arguments: argparse.Namespace, fields: Fields) -> Iterator[None]:
 
 
 def _flag(name: str, field: Any) -> str:
+    if field.metadata.get("positional"):
+        return str(field.metadata["metavar"])
     return str(field.metadata.get("flag", f"--{name.replace('_', '-')}"))
 
 
@@ -206,24 +218,33 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
     """Return the options of parsed arguments; one that is not given has its default.
 
     A number outside its range is a ParameterError that names the option. So is an empty text: a
-    shell gives it for a variable that is not set.
+    shell gives it for a variable that is not set. Only the name of a file need not be UTF-8.
     """
     values = {}
     for name, field in fields.items():
         value = getattr(arguments, name, None)
         quantity = field.metadata.get("quantity")
+        flag = _flag(name, field)
         if value is None:
             value = field.default
         elif value != field.default and "" in (value if isinstance(value, list) else [value]):
-            positional = field.metadata.get("positional")
-            shown = field.metadata["metavar"] if positional else _flag(name, field)
-            raise ParameterError(f"{shown} is empty")
+            raise ParameterError(f"{flag} is empty")
         elif quantity and isinstance(value, list):
-            value = [quantity.check(_flag(name, field), _number(each)) for each in value]
+            value = [quantity.check(flag, _number(each)) for each in value]
         elif quantity:
-            value = quantity.check(_flag(name, field), _number(value))
+            value = quantity.check(flag, _number(value))
+        elif field.metadata.get("metavar") not in _FILES:
+            _check_texts(flag, value)
         values[name] = value
     return SimpleNamespace(**values)
+
+
+def _check_texts(flag: str, value: Any) -> None:
+    for text in value if isinstance(value, list) else [value]:
+        try:
+            str(text).encode()
+        except UnicodeEncodeError:
+            raise ParameterError(f"{flag} = {short_repr(text)} is not UTF-8") from None
 
 
 def _number(value: Any) -> Any:

@@ -273,7 +273,7 @@ _SEARCH_PERIOD = 0.05  # s
     PLACE,
     bag=positional("BAG", "show this bag, a folder or one file, without ROS", nargs="?"),
     port=option(DEFAULT_PORT, "port of the page, 0 for a free one", PORT, metavar="P"),
-    address=option("127.0.0.1", "address to listen on; remote ones need the token", metavar="A"),
+    address=option("127.0.0.1", "address to listen on; remote ones need the token"),
     open=option(False, "open the page in the browser"),
     beside_drill=option(False, argparse.SUPPRESS),  # `rpud run` starts it with this
 )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rpud_sim.cli.options import ASSIGNMENT, JSON, command
 from rpud_sim.cli.program import ExitCode, print_result
 from rpud_sim.foundation.atomic_folder import atomic_file
+from rpud_sim.foundation.extras import import_extra
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import error_text, printable, table
@@ -53,7 +54,7 @@ def _sweep(options: Any) -> int:
     if out and out.suffix not in (".csv", ".parquet"):
         raise ParameterError(f"--out {options.out} ends neither in .csv nor in .parquet")
     if options.plots:  # before the work, as the file
-        _matplotlib()
+        pictures = import_extra("matplotlib.figure", "a picture", "'rpud_sim[studies]'")
         plots = Path(options.plots)
         if plots.exists() and not plots.is_dir():
             raise ParameterError(f"--plots {options.plots} is not a folder")
@@ -64,7 +65,7 @@ def _sweep(options: Any) -> int:
                 _write(frame, unfinished, out.suffix)
     files = [options.out] if out else []
     if options.plots:
-        files += [str(path) for path in _plots(frame, Path(options.plots))]
+        files += [str(path) for path in _plots(pictures, frame, plots)]
     failures = frame["failure"].dropna()
     # A frame has NaN where there is no number, which JSON has not.
     records = frame.astype(object).where(frame.notna(), None).to_dict("records")
@@ -136,15 +137,8 @@ def _lines(frame: pandas.DataFrame, files: list[str]) -> Iterator[str]:
     yield from map(printable, files)
 
 
-def _matplotlib() -> Any:
-    from rpud_sim.foundation.extras import import_extra
-
-    return import_extra("matplotlib.figure", "a picture", "'rpud_sim[studies]'")
-
-
-def _plots(frame: pandas.DataFrame, folder: Path) -> Iterator[Path]:
+def _plots(pictures: Any, frame: pandas.DataFrame, folder: Path) -> Iterator[Path]:
     """Write one picture for each metric, over each parameter; yield the files."""
-    pictures = _matplotlib()
     folder.mkdir(parents=True, exist_ok=True)
     names, units = _points(frame), frame.attrs["units"]
     metrics = list(frame)[list(frame).index("seed") + 1 : -1]

@@ -72,7 +72,7 @@ def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
         (["set", "seed"], "rpud set: 'seed' is not of the form name=value"),
         (["engage", "--namespace", "a//b"], "rpud engage: Invalid namespace: namespace must not"),
         (["record", "--out", "bag", "a//b"], "rpud record: topic = 'a//b' is not allowed: "),
-        (["echo", "a b"], "rpud echo: Invalid topic name"),
+        (["echo", "a b"], "rpud echo: TOPIC = 'a b' is not allowed: "),
     ],
 )
 def test_a_wrong_call_is_one_line_and_exit_code_2(capsys, words, complaint):
@@ -92,6 +92,22 @@ def test_no_text_that_a_command_takes_may_be_empty(name):
             for given in ("", [""]):
                 with pytest.raises(ParameterError, match="is empty"):
                     options_from(Namespace(**{key: given}), {key: field})
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["press", "3", "--namespace", "a\udce9"], "press: --namespace = 'a\\udce9' is not UTF-8"),
+        (["watch", "--address", "\udce9"], "watch: --address = '\\udce9' is not UTF-8"),
+        (["simulate", "--set", "a=\udce9"], "simulate: --set = 'a=\\udce9' is not UTF-8"),
+        (["echo", "\udce9"], "echo: TOPIC = '\\udce9' is not UTF-8"),
+        (["info", "\udce9"], "info: there is no bag at \\udce9"),
+    ],
+)
+def test_only_the_name_of_a_file_may_have_bytes_that_are_no_utf_8(capsys, words, complaint):
+    # As a shell in Latin-1 gives them.
+    code, output, errors = called(capsys, *words)
+    assert (code, output, errors) == (1 if words[0] == "info" else 2, "", f"rpud {complaint}\n")
 
 
 def test_help_loads_neither_numpy_nor_ros():

@@ -8,18 +8,20 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from rclpy.exceptions import NameValidationException
-from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, short_repr
 from rpud_sim.messages.batch import Batch
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
-from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
-from rpud_sim.ros.process import name_error
+from rpud_sim.ros.graph import (
+    UnknownTypeError,
+    element_of,
+    member_class,
+    message_class,
+    resolve_topic,
+)
 from rpud_sim.ros.received import DEPTH, ReceivedTopic
 from rpud_sim.simulation.topics import TOPICS
 
@@ -71,7 +73,7 @@ def listen(
     Without a class of messages it waits ``patience`` for the topic [s]: a missing one is a
     NoAnswerError, one with several or unknown types a ClientError.
     """
-    name = absolute_name(listening.node, topic)
+    name = resolve_topic(listening.node, topic)
     kind = kind or _find_type(listening, name, listening.patience if patience is None else patience)
 
     def receive(data: bytes, publish_time: int, log_time: int) -> None:
@@ -96,15 +98,6 @@ def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:
         return message_class(types[0])
     except UnknownTypeError as error:
         raise ClientError(f"topic {topic}: {error}") from error
-
-
-def absolute_name(node: Node, topic: str) -> str:
-    """Return the absolute name of a topic."""
-    try:
-        validate_topic_name(topic)
-        return expand_topic_name(topic, node.get_name(), node.get_namespace())
-    except NameValidationException as error:
-        raise name_error(error) from error
 
 
 def types_of_topic(node: Node, topic: str) -> list[str]:

@@ -11,11 +11,9 @@ from math import inf
 from typing import Any, NamedTuple
 
 from rclpy.duration import Duration
-from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.srv import Seek, SetRate
 from std_srvs.srv import Trigger
@@ -31,7 +29,14 @@ from rpud_sim.messages.cdr import Codec, foreign_encoding
 from rpud_sim.messages.columns import to_plain
 from rpud_sim.messages.definitions import find_type_hash
 from rpud_sim.ros.endpoints import AcknowledgedPublishers
-from rpud_sim.ros.graph import CLOCK, ClockSources, UnknownTypeError, filled, message_class
+from rpud_sim.ros.graph import (
+    CLOCK,
+    ClockSources,
+    UnknownTypeError,
+    filled,
+    message_class,
+    resolve_topic,
+)
 from rpud_sim.ros.options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.process import StopRequest, running_ros
 from rpud_sim.ros.replay.playback import Messages, Playback, read_ahead
@@ -99,9 +104,8 @@ class Replayer(Node):
             raise UnknownTypeError(f"it is in {topic.serialization_format!r}")
         message = message_class(topic.type)
         try:
-            name = self.resolve_topic_name(topic.name)
-            validate_full_topic_name(name)
-        except (NameValidationException, RuntimeError):  # RCLError
+            name = resolve_topic(self, topic.name)
+        except ParameterError:
             raise UnknownTypeError("ROS has no such names") from None
         if (other := self._types.setdefault(name, topic.type)) != topic.type:
             raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
