@@ -142,7 +142,6 @@ def test_xacro_expands_the_snippets_of_the_page(optional_packages, tmp_path):
         [sys.executable, "-c", "import xacro; xacro.main()", arm],
         capture_output=True,
         text=True,
-        timeout=60,
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")

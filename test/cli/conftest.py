@@ -35,7 +35,6 @@ def lacking(tmp_path_factory):
             env={**os.environ, "RPUD_TRACEBACK": ""},
             capture_output=True,
             text=True,
-            timeout=100.0,
             check=False,
         )
 

@@ -99,9 +99,7 @@ def exhaust(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def rpud(*words: object) -> subprocess.CompletedProcess[str]:
     """Run a command of `rpud` in a process of its own to its end."""
-    return subprocess.run(
-        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
-    )
+    return subprocess.run(["rpud", *map(str, words)], capture_output=True, text=True, check=False)
 
 
 def called(capsys: pytest.CaptureFixture, *words: object) -> tuple[int, str, str]:

@@ -52,9 +52,7 @@ SERVICES = ("numba_", "Py", "_Py", "llvm.mem", "llvm.lifetime", *INTEGERS, "_ZN"
 
 @pytest.fixture(scope="module")
 def kernels():
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, check=True, timeout=300
-    )
+    done = subprocess.run([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, check=True)
     return json.loads(done.stdout)
 
 

@@ -236,7 +236,7 @@ def printed(*words, **environment):
     environment = {**os.environ, **environment}
     words = [sys.executable, *words]
     return subprocess.run(
-        words, env=environment, stdout=subprocess.PIPE, text=True, check=True, timeout=120
+        words, env=environment, stdout=subprocess.PIPE, text=True, check=True
     ).stdout
 
 

@@ -86,7 +86,6 @@ def outcomes(tmp_path_factory):
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(folder)},
         stdout=subprocess.PIPE,
         text=True,
-        timeout=100,
         check=True,
     )
     return dict(zip(requests, json.loads(done.stdout), strict=True))

@@ -52,8 +52,11 @@ def check(package: Path, folder: Path, shorter: float, environment: dict[str, st
         env={**os.environ, "PYTHONPATH": paths, **environment},
         stdout=subprocess.PIPE,
     )
-    expected = all_digests(shorter, folder)
-    output, _ = there.communicate(timeout=300)
+    try:
+        expected = all_digests(shorter, folder)
+        output, _ = there.communicate()
+    finally:
+        there.kill()
     assert there.returncode == 0
     assert json.loads(output) == expected
 

@@ -125,7 +125,6 @@ def means(configuration):
 
 
 @pytest.mark.extended
-@pytest.mark.timeout(240)
 @pytest.mark.parametrize("seed", range(10))
 def test_random_arms_are_as_with_half_the_step_and_as_a_direct_integration(monkeypatch, seed):
     configuration = drill_on_an_arm(np.random.default_rng(seed))
@@ -256,7 +255,6 @@ def resonance_figures(configuration, phase):
 
 
 @pytest.mark.extended
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("seed", range(12))
 def test_random_resonant_drills_are_as_direct_oscillators(seed):
     """Means over phases of amplitude, power and impact rate, after the drive was off and on."""
@@ -415,7 +413,6 @@ def pressed_drill(random):
 
 
 @pytest.mark.extended
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("seed", range(40))
 def test_pressed_drills_hammer_or_are_silent_as_direct_oscillators(seed):
     """A drill near stall may do both, by its start: then it does what one of the starts gives."""

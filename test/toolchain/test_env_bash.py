@@ -36,7 +36,6 @@ def run(
         env={**environment, **variables},
         capture_output=True,
         text=True,
-        timeout=60,
     )
 
 
@@ -69,7 +68,7 @@ def test_a_terminal_shows_once_the_domain_that_is_set(variables, line):
     ours, terminal = os.openpty()
     environment = {"PATH": os.defpath, **variables}
     script = f". {ROOT}/env.bash; . {ROOT}/env.bash; echo end >&2"
-    subprocess.run(["bash", "-c", script], env=environment, stderr=terminal, timeout=60, check=True)
+    subprocess.run(["bash", "-c", script], env=environment, stderr=terminal, check=True)
     os.close(terminal)
     shown = ""
     with suppress(OSError):  # behind the last line; one read may give one line alone

@@ -13,7 +13,7 @@ SCRIPT = Path(__file__).resolve().parents[2] / "toolchain" / "find_python.sh"
 def find_python(**variables: str) -> subprocess.CompletedProcess:
     """Run the script."""
     environment = {**os.environ, "ROS_PREFIX": "", "PYTHON": sys.executable, **variables}
-    return subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, timeout=60)
+    return subprocess.run([SCRIPT], env=environment, capture_output=True, text=True)
 
 
 def command(folder: Path, name: str, script: str) -> str:
