@@ -11,11 +11,14 @@ from collections.abc import Mapping, Sequence
 from importlib.machinery import EXTENSION_SUFFIXES, PathFinder
 from pathlib import Path
 from types import ModuleType
+from xml.parsers import expat
 
 from rpud_sim.foundation.options import DOMAIN
 from rpud_sim.foundation.quantities import ExpectedError, joined
 
 _RMW = "RMW_IMPLEMENTATION"
+_RMW_WANTED = "RCL_ASSERT_RMW_ID_MATCHES"
+_FAST_DDS = "rmw_fastrtps_cpp"  # what Jazzy loads where none is named
 _DOMAIN = "ROS_DOMAIN_ID"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _RANGES = ("OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
@@ -48,8 +51,13 @@ def check_before_load(
         if not any((place / f"lib{rmw}.so").exists() for place in places):
             raise StartError(
                 f"{_RMW} is {rmw:.80}, which is not installed: unset {_RMW}, or set it to "
-                "rmw_fastrtps_cpp"
+                f"{_FAST_DDS}"
             )
+    loaded = rmw or _FAST_DDS
+    if (wanted := environment.get(_RMW_WANTED, "")) not in ("", loaded):
+        raise StartError(
+            f"{_RMW_WANTED} is {wanted:.80}, and {loaded} is loaded: unset it, or set {_RMW}"
+        )
     spec = PathFinder.find_spec("rclpy", list(folders))
     if spec is None or spec.origin is None:
         return
@@ -83,8 +91,25 @@ def check_before_start(environment: Mapping[str, str], domain_id: int | None = N
         if (value := environment.get(flag, "")) not in ("", "0", "1"):
             raise StartError(f"{flag} is {value:.80}; it is 0 or 1")
     # Fast DDS would continue without a profile, on every interface.
-    if (profiles := environment.get(_PROFILES)) and not Path(profiles).is_file():
-        raise StartError(f"{_PROFILES} is {profiles}, and there is no such file: unset it")
+    if (profiles := environment.get(_PROFILES)) and (reason := _fault_of_profiles(profiles)):
+        raise StartError(f"{_PROFILES} is {profiles}, and {reason}: unset it")
+
+
+def _fault_of_profiles(path: str) -> str:
+    """Return what is wrong with a file of profiles, as far as it shows without their schema."""
+    if not Path(path).is_file():
+        return "there is no such file"
+    elements: list[str] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda name, attributes: elements.append(name)
+    try:
+        parser.Parse(Path(path).read_bytes(), True)
+    except OSError as error:
+        return f"it cannot be read ({error.strerror})"
+    except expat.ExpatError as error:
+        return f"it is not XML ({error})"
+    has_some = elements[0] in ("dds", "profiles") and "profiles" in elements[:-1]
+    return "" if has_some else "it has no profiles"
 
 
 class CheckOfRclpy:

@@ -44,6 +44,13 @@ def test_pytest_goes_on_beside_another_middleware(tmp_path):
     assert "DrillError: a drill of a test needs ROS 2 Jazzy: RMW_IMPLEMENTATION is" in done.stdout
 
 
+def test_a_middleware_that_must_not_be_loaded_is_named():
+    asked = {"RCL_ASSERT_RMW_ID_MATCHES": "rmw_cyclonedds_cpp"}
+    with pytest.raises(ExpectedError, match=r"^RCL_ASSERT_RMW_ID_MATCHES is rmw_cyclonedds_cpp, "):
+        check_before_load(asked, [])
+    check_before_load({"RCL_ASSERT_RMW_ID_MATCHES": "rmw_fastrtps_cpp"}, [])
+
+
 def test_a_middleware_that_is_installed_is_loaded(tmp_path):
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "librmw_cyclonedds_cpp.so").touch()
@@ -83,6 +90,34 @@ def test_the_rclpy_of_an_installed_ros_is_loaded(tmp_path):
 def test_a_variable_that_ros_must_not_start_with_is_named(name, value):
     with pytest.raises((ExpectedError, ParameterError), match=rf"^{name} (is|=) '?{value}"):
         check_before_start({name: value})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", r"it is not XML \(no element found: line 1, column 0\)"),
+        ("<profiles><participant>", "it is not XML"),
+        ("export A=1", "it is not XML"),
+        ("<profiles/>", "it has no profiles"),
+        ("<dds><profiles/></dds>", "it has no profiles"),
+        ("<robot><link/></robot>", "it has no profiles"),
+    ],
+)
+def test_profiles_without_which_fast_dds_would_use_every_interface_are_refused(
+    tmp_path, text, reason
+):
+    path = tmp_path / "mine.xml"
+    path.write_text(text)
+    match = f"^FASTRTPS_DEFAULT_PROFILES_FILE is {path}, and {reason}.*: unset it$"
+    with pytest.raises(ExpectedError, match=match):
+        check_before_start({"FASTRTPS_DEFAULT_PROFILES_FILE": str(path)})
+
+
+@pytest.mark.parametrize("root", ["<profiles>{}</profiles>", "<dds><profiles>{}</profiles></dds>"])
+def test_profiles_of_a_user_are_accepted(tmp_path, root):
+    path = tmp_path / "mine.xml"
+    path.write_text(f"<?xml version='1.0'?><!-- mine -->\n{root.format('<participant/>')}")
+    check_before_start({"FASTRTPS_DEFAULT_PROFILES_FILE": str(path)})
 
 
 def test_what_is_not_set_or_set_well_is_accepted():

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from rpud_sim.testing import processes
 from rpud_sim.testing.processes import DomainClaim
 
 CLAIM = "from rpud_sim.testing.processes import DomainClaim; print(DomainClaim().domain)"
@@ -35,13 +36,19 @@ def test_a_claimed_domain_is_exclusive_whatever_the_temporary_folder(claims, tmp
     assert not domains & {0, 42}
 
 
-def test_a_released_domain_is_free_again(claims):
+@pytest.fixture
+def apart(monkeypatch):
+    """Claim where nobody else does: other test runs take the highest free domain at any time."""
+    monkeypatch.setattr(processes, "_LAST_DOMAIN", 44 + os.getpid() % 40)
+
+
+def test_a_released_domain_is_free_again(claims, apart):
     claim = DomainClaim()
     claim.release()
     assert claims() == claim.domain
 
 
-def test_a_domain_in_use_without_a_lock_is_skipped(claims):
+def test_a_domain_in_use_without_a_lock_is_skipped(claims, apart):
     free = DomainClaim()
     free.release()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:

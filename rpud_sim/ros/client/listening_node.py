@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import time
 from collections.abc import Callable
@@ -227,6 +228,8 @@ def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str
     """Return the line of an error: no drill in a namespace, and where there are some."""
     others = [each for each in drill_namespaces(node) if each != namespace]
     where = "there is none in the whole domain: `rpud run` starts one, or its ROS_DOMAIN_ID differs"
+    if server := os.environ.get("ROS_DISCOVERY_SERVER"):
+        where += f", or there is no server at ROS_DISCOVERY_SERVER={server:.80}"
     if others:
         where = (
             f"there is one in {', '.join(others)}{did_you_mean(namespace, others, others=False)}"
