@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import gc
+import io
 import os
 import signal
 import sys
@@ -17,6 +18,7 @@ from rpud_sim.cli import ENDING
 from rpud_sim.foundation.json_text import check_finite, json_text
 from rpud_sim.foundation.quantities import ExpectedError, ExpectedWarning
 from rpud_sim.foundation.terminal import print_error
+from rpud_sim.foundation.user_files import named_errors
 
 # Environment variable: where it is set, an unexpected error shows its traceback.
 TRACEBACK = "RPUD_TRACEBACK"
@@ -35,7 +37,6 @@ _EXTRAS = {
 _STUDIES = "studies"
 # Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
 _BAG_MODULES = ("lz4", "mcap", "rosbags", "zstandard")
-
 
 # What a signal ends as it should, whenever it comes.
 _UNTIL_A_SIGNAL = (
@@ -148,13 +149,22 @@ def _report_unexpected(program: str, error: Exception) -> ExitCode:
             f"needs {missing}: pip install 'rpud_sim[ros]', or source ROS 2 Jazzy or env.bash first"
         )
     elif isinstance(error, OSError):
-        cause = error.strerror or str(error)  # Parquet's have no number
-        reason = f"{error.filename}: {cause}" if error.filename else cause
+        reason = ": ".join(filter(None, (_place(error), error.strerror or str(error))))
     else:
         text = f"{type(error).__name__}: {error}"
         reason = f"unexpected {text:.500} ({TRACEBACK}=1 shows where)"
     print_error(program, reason)
     return ExitCode.FAILED
+
+
+def _place(error: OSError) -> str:
+    """Return where an error was; empty where that is unknown."""
+    if not error.filename:
+        try:
+            os.getcwd()
+        except OSError:
+            return "the working folder"
+    return str(error.filename or "")
 
 
 def _flush(program: str, code: Any) -> Any:
@@ -165,7 +175,7 @@ def _flush(program: str, code: Any) -> Any:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if code or isinstance(error, BrokenPipeError):
             return code
-        print_error(program, error.strerror)
+        print_error(program, f"{error.filename}: {error.strerror}")
         return ExitCode.FAILED
     return code
 
@@ -180,13 +190,28 @@ def _open_streams() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, mode)  # standard output is not writable, and fails when used
-    if sys.stdout is None:
-        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115 - until the process ends
+    if sys.stdout is sys.__stdout__:  # tests replace it
+        like = sys.stdout or open(1, "w", closefd=False)  # noqa: SIM115 - until the process ends
+        raw, through = _Output(like.fileno(), "w", closefd=False), like.write_through
+        sys.stdout = io.TextIOWrapper(
+            raw if through else io.BufferedWriter(raw),
+            encoding=like.encoding,
+            line_buffering=like.line_buffering,
+            write_through=through,
+        )
     if sys.stderr is None:
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # tests replace them
+        if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+
+
+class _Output(io.FileIO):
+    """Standard output whose errors have a name, as errors of files have."""
+
+    def write(self, data: Any) -> int:
+        with named_errors("standard output"):
+            return super().write(data)
 
 
 class _Interrupt:

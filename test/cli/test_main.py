@@ -197,7 +197,15 @@ def test_output_that_cannot_be_written_is_one_line(tmp_path, redirection, reason
         text=True,
         check=False,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"rpud info: {reason}\n")
+    expected = f"rpud info: standard output: {reason}\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", expected)
+
+
+def test_a_folder_that_is_gone_is_named(tmp_path):
+    script = 'cd "$1" && rmdir "$1" && rpud simulate --duration 0.01 --bag bag'
+    done = subprocess.run(["bash", "-c", script, "bash", tmp_path], capture_output=True, text=True)
+    expected = "rpud simulate: the working folder: No such file or directory\n"
+    assert (done.returncode, done.stderr) == (1, expected)
 
 
 # A command in which Ctrl-C comes.
