@@ -47,7 +47,7 @@ def resolve_topic(node: Node, name: Any) -> str:
     try:
         return str(node.resolve_topic_name(name))
     except TypeError:
-        reason = "it is not a UTF-8 text"
+        reason = "it is not UTF-8" if isinstance(name, str) else "it is not a text"
     except RuntimeError as error:  # RCLError: "failed to resolve name: REASON, at FILE:LINE"
         reason = str(error).partition(": ")[2].rpartition(", at ")[0]
     raise ParameterError(f"topic = {short_repr(name)} is not allowed: {reason}")

@@ -227,6 +227,7 @@ def test_a_recording_is_complete_and_can_be_proved(drill, recording):
         (lambda drill: drill.messages("a//b"), "topic = 'a//b' is not allowed: .* repeated '/'"),
         (lambda drill: drill.with_answers("a b"), "topic = 'a b' is not allowed: .* characters"),
         (lambda drill: drill.with_answers(5), "topic = 5 is not allowed: it is not a text"),
+        (lambda drill: drill.listen("\udce9"), "is not allowed: it is not UTF-8"),
         (lambda drill: drill.start(""), r"start takes a command, not \(''"),
         (lambda drill: drill.start(), r"start takes a command, not \(\)"),
         (lambda drill: drill.step(-1.0), "step = -1 s is outside its range"),
