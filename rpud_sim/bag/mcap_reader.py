@@ -154,6 +154,19 @@ class McapFile:
         with self._reading():
             return [BagChunk(self, each) for each in (*self._contents.chunks, *self._loose)]
 
+    def written_times(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Yield topics with log times [ns] in the order of the file; chunks by their indexes."""
+        for chunk in sorted(self.chunks(), key=lambda chunk: chunk.place.start):
+            if not chunk.place.indexes:
+                for batch in chunk.batches():
+                    yield batch.topic, batch.log_times[np.argsort(batch.starts)]
+            with self._reading():
+                for channel, offset in chunk.place.indexes.items():
+                    entries = message_index(self._file.record(offset))[1]
+                    if channel in self.channels:
+                        written = entries[np.argsort(entries["offset"], kind="stable")]
+                        yield self.channels[channel].topic, written["log_time"]
+
     @cached_property
     def _loose(self) -> list[ChunkPlace]:
         """Messages outside of chunks."""

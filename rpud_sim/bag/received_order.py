@@ -2,18 +2,40 @@
 
 from __future__ import annotations
 
+import os
+import warnings
 from collections.abc import Collection, Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+import rpud_sim.bag
 from rpud_sim.bag.mcap_reader import BagChunk
 from rpud_sim.bag.reader import BagReader
 from rpud_sim.messages.batch import LATEST, Batch
+from rpud_sim.messages.errors import BagFormatError
 
 _NONE = np.empty(0, np.int64)
+
+
+def open_received(path: str | os.PathLike[str]) -> BagReader:
+    """Open a bag in the order in which its messages came, as far as it shows.
+
+    It is the order of log times, unless a clock was set back.
+    """
+    bag = rpud_sim.bag.open(path)
+    with suppress(BagFormatError), ExitStack() as opened, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # which the bag itself has given already
+        received = ReceivedOrder(path)
+        opened.callback(received.close)
+        if received.set_back:
+            bag.close()
+            opened.pop_all()
+            return received
+    return bag
 
 
 class _Steps(NamedTuple):
@@ -34,8 +56,21 @@ class ReceivedOrder(BagReader):
 
     @property
     def set_back(self) -> bool:
-        """Whether log times go back somewhere, by steps that a clock can be set."""
-        return 0 < self._steps.total < LATEST - super().end_time
+        """Whether log times of a topic go back somewhere, by steps that a clock can be set.
+
+        A recorder writes the messages of a topic in the order in which they come.
+        """
+        return self._goes_back() and 0 < self._steps.total < LATEST - super().end_time
+
+    def _goes_back(self) -> bool:
+        reached: dict[str, int] = {}
+        for file in self._files:
+            for topic, times in file.written_times():
+                if len(times):
+                    if times[0] < reached.get(topic, 0) or (times[1:] < times[:-1]).any():
+                        return True
+                    reached[topic] = int(times[-1])
+        return False
 
     @property
     def start_time(self) -> int:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import rpud_sim.bag
 from rpud_sim.bag import BagExistsError
+from rpud_sim.bag.received_order import open_received
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.recorded import RecordingError
@@ -64,7 +64,7 @@ class Fork:
         run: int = 1,
         topic: str | None = None,
     ) -> None:
-        with rpud_sim.bag.open(path) as bag:
+        with open_received(path) as bag:
             self.recorded = run_of(bag, run, topic)
         self.time = round(at * SECOND)  # the instant [ns]
         self._changes = changes

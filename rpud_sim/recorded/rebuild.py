@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader
+from rpud_sim.bag.received_order import open_received
 from rpud_sim.foundation.quantities import joined
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.messages.batch import Batch
@@ -87,7 +87,7 @@ def rebuild(
     if the bag holds several. ``start`` counts from the beginning of the trajectory, ``duration`` is
     the longest part [s]. ``run`` is the number of the run, if resets began several.
     """
-    with rpud_sim.bag.open(path) as bag:
+    with open_received(path) as bag:
         topic = _topic(bag, topics)
         namespace = topic.rpartition("/")[0]
         if namespace not in drill_namespaces(bag):

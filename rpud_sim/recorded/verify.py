@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import closing, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import astuple, dataclass, replace
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
-import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.received_order import ReceivedOrder
+from rpud_sim.bag.received_order import open_received
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.batch import Batch
 from rpud_sim.messages.cdr import Codec
@@ -113,27 +111,8 @@ def verify(
     A bag without a complete journal, or with nothing that the journal could prove, raises an
     UnverifiableError.
     """
-    with rpud_sim.bag.open(path) as bag:
-        try:
-            found, failure = _verified(bag, report), None
-        except (RecordingError, BagFormatError) as error:
-            found, failure = None, error
-    if found is None or not found.proved:
-        # The clock may have been set back: then log times have another order than the messages.
-        with suppress(RecordingError, BagFormatError), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # which the bag itself has given already
-            with closing(ReceivedOrder(path)) as shifted:
-                if shifted.set_back and _more_equal(other := _verified(shifted, report), found):
-                    return other
-    if failure is not None:
-        raise failure
-    assert found is not None
-    return found
-
-
-def _more_equal(one: Verification, other: Verification | None) -> bool:
-    """Whether one way to order the messages of a bag explains more of them than another."""
-    return other is None or one.total.equal > other.total.equal
+    with open_received(path) as bag:
+        return _verified(bag, report)
 
 
 def _verified(bag: BagReader, report: Callable[[float], object]) -> Verification:

@@ -6,6 +6,8 @@ from forked_runs import JOURNAL
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag import open as open_bag
+from rpud_sim.recorded.compare import compare
+from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.recorded.runs import runs_of
 from rpud_sim.recorded.verify import verify
 
@@ -44,6 +46,13 @@ def test_each_run_is_proved_when_the_clock_is_set_back(bag, tmp_path):
     path = merged(tmp_path / "twice", (bag, 0, "/rpud"), (bag, 10_000 * MS, "/rpud"))
     found = verify(with_steps(path, tmp_path / "bag", [(0.25, -100), (0.75, -100)]))
     assert (found.proved, found.total) == (True, verify(path).total)
+
+
+def test_a_step_of_the_clock_makes_no_difference_in_any_comparison(bag, tmp_path):
+    path = with_steps(bag, tmp_path / "bag", [(0.4, -50), (0.6, -5)])
+    assert compare([bag, path], begin=0.0).equal_bits
+    whole, other = (rebuild(each, tmp_path / out, 2000) for each, out in ((bag, "a"), (path, "b")))
+    assert (other.count, other.missing) == (whole.count, whole.missing)
 
 
 def test_an_altered_message_is_named_although_the_clock_was_set_back(bag, tmp_path):

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import rpud_sim.bag
+from rpud_sim.bag.received_order import open_received
 from rpud_sim.foundation.json_text import finite_values
 from rpud_sim.foundation.quantities import ParameterError, check_names, counted
 from rpud_sim.foundation.shown_quantities import NONE, ShownQuantity
@@ -196,7 +196,7 @@ def compare(
     with ExitStack() as opened:
         held = []
         for path, space, number in chosen:
-            bag = opened.enter_context(rpud_sim.bag.open(path))
+            bag = opened.enter_context(open_received(path))
             damages = SkippedParts(bag)
             held.append((bag, find_drill(bag, damages, space, number), damages))
         runs = [read_values(*each, report) for each in held]
