@@ -24,16 +24,8 @@ RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 # Groups of options by a rule; any other name of a group is a title.
 AT_MOST_ONE = "at most one"
 
-_FILES = (
-    "A",
-    "B",
-    "BAG",
-    "BAG|CAMPAIGN",
-    "DIR",
-    "FILE",
-    "FILE.csv|.parquet",
-    "TORN",
-)  # their names
+# Of texts that name a file.
+_FILES = ("A", "B", "BAG", "BAG|CAMPAIGN", "DIR", "FILE", "FILE.csv|.parquet", "TORN")
 _METAVARS = {"": "N", "%": "PERCENT"}  # metavars of units without a word
 
 Fields: TypeAlias = Mapping[str, Any]  # declarations of options by name, in their order
@@ -240,6 +232,7 @@ def options_from(arguments: argparse.Namespace, fields: Fields) -> SimpleNamespa
 
 
 def _check_texts(flag: str, value: Any) -> None:
+    """Reject bytes of a shell in Latin-1 and the like, which ROS and JSON cannot hold."""
     for text in value if isinstance(value, list) else [value]:
         try:
             str(text).encode()
