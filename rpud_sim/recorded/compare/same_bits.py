@@ -107,6 +107,7 @@ def _compare_topic(
 ) -> Generator[None, None, TopicBits]:
     """Compare up to the first difference."""
     equal = 0
+    begun = [False, False]  # whether each run has had a message
     for step in matched(first, second, several_times=topic in _SEVERAL_TIMES):
         one, other = step.first, step.second
         if step.equal:
@@ -124,10 +125,11 @@ def _compare_topic(
                 return TopicBits(
                     topic, EQUAL, equal, note=longer if only.time > end * SECOND else ""
                 )
-            if equal:
+            if equal or (begun[bool(one)] and not left):
                 texts = ("a message", "nothing at this time")
                 texts = texts if one else texts[::-1]
                 return TopicBits(topic, DIFFERENT, equal, only.time / SECOND, "", *texts)
+            begun[not one] = True
             yield  # a recorder that began later misses nothing before
         else:
             yield
