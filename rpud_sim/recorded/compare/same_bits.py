@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, Batch, TopicSummary
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.messages.cdr import Codec
+from rpud_sim.messages.encoder import Decoded
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.recorded.streams import (
+    Head,
     StreamHead,
     TopicStream,
     TopicStreams,
     difference,
+    first_field,
     matched,
     read_together,
 )
@@ -24,6 +29,8 @@ from rpud_sim.simulation.topics import PROVED
 EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
 
 _SEVERAL_TIMES = ("faults", "trajectory")  # topics with other times than the stamp
+_BLOCKS = ("trajectory", "waveform")  # topics whose last message a run's end may cut off
+_LONGER = ("this run continues longer", "the reference continues longer")
 
 
 class TopicBits(NamedTuple):
@@ -115,13 +122,16 @@ def _compare_topic(
             yield
         elif one and other:
             if different := difference(one, other):
+                cut = _shorter(one, other) if topic in _BLOCKS and different[0] else None
+                if cut is not None and equal and (first, second)[cut].head() is None:
+                    return TopicBits(topic, EQUAL, equal, note=_LONGER[cut])
                 return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *different)
             equal += 1
             yield
         elif only := one or other:
             left = (second if one else first).head() is None
             if left and equal:
-                longer = f"{'the reference' if one else 'this run'} continues longer"
+                longer = _LONGER[bool(one)]
                 return TopicBits(
                     topic, EQUAL, equal, note=longer if only.time > end * SECOND else ""
                 )
@@ -136,3 +146,24 @@ def _compare_topic(
     if not equal:
         return TopicBits(topic, NOT_COMPARED, note="the runs have no time in common")
     return TopicBits(topic, EQUAL, equal)
+
+
+def _shorter(one: Head, other: Head) -> int | None:
+    """Return which of two blocks ends before the other, and is equal until then; else None.
+
+    The segment in which it ends is cut off.
+    """
+    blocks = [vars(each.shifted()) for each in (one, other)]
+    sizes = [max(map(len, filter(_is_array, each.values())), default=0) for each in blocks]
+    count = max(0, min(sizes) - 1)
+    parts = (
+        Decoded(
+            "", {name: each[:count] if _is_array(each) else each for name, each in block.items()}
+        )
+        for block in blocks
+    )
+    return None if sizes[0] == sizes[1] or first_field(*parts) else int(sizes[1] < sizes[0])
+
+
+def _is_array(value: Any) -> bool:
+    return isinstance(value, list | np.ndarray)

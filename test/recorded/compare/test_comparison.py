@@ -4,7 +4,7 @@ import json
 import math
 
 import pytest
-from altered_bags import altered, merged, unchanged
+from altered_bags import altered, flipped, merged, numbered, unchanged
 from sample_bags import write_offline_bag
 from support import called, extended
 
@@ -55,6 +55,18 @@ def test_a_run_made_twice_has_equal_bits(made):
     assert not found.differs
     assert not found.undecided
     assert all(each.reference == each.other for each in found.metrics)
+
+
+def test_the_block_that_the_end_of_a_run_cuts_off_is_equal_as_far_as_it_goes(made, tmp_path):
+    write_offline_bag(tmp_path / "short", DRILLING, 0.63, 0.1)
+    for pair in ([made / "a", tmp_path / "short"], [tmp_path / "short", made / "a"]):
+        found = compare(pair, begin=0.0)
+        assert found.equal_bits
+        assert set(states(found).values()) == {"equal"}
+    middle = numbered("waveform", 12, lambda m: [flipped(m.data, len(m.data) // 2)])  # the last one
+    path = altered(tmp_path / "short", tmp_path / "altered", middle)
+    found = states(compare([made / "a", path], begin=0.0))
+    assert [topic for topic, state in found.items() if state != "equal"] == ["waveform"]
 
 
 def test_the_first_difference_is_found_to_the_field(made, tmp_path):
