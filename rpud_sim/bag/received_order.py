@@ -29,13 +29,25 @@ def open_received(path: str | os.PathLike[str]) -> BagReader:
     bag = rpud_sim.bag.open(path)
     with suppress(BagFormatError), ExitStack() as opened, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # which the bag itself has given already
-        received = ReceivedOrder(path)
-        opened.callback(received.close)
-        if received.set_back:
-            bag.close()
-            opened.pop_all()
-            return received
+        if _goes_back(bag):
+            received = ReceivedOrder(path)
+            opened.callback(received.close)
+            if received.set_back:
+                bag.close()
+                opened.pop_all()
+                return received
     return bag
+
+
+def _goes_back(bag: BagReader) -> bool:
+    """Whether log times of a topic go back: a recorder writes its messages as they come."""
+    reached: dict[str, int] = {}
+    for topic, times in bag.written_times():
+        if len(times):
+            if times[0] < reached.get(topic, 0) or (times[1:] < times[:-1]).any():
+                return True
+            reached[topic] = int(times[-1])
+    return False
 
 
 class _Steps(NamedTuple):
@@ -56,21 +68,8 @@ class ReceivedOrder(BagReader):
 
     @property
     def set_back(self) -> bool:
-        """Whether log times of a topic go back somewhere, by steps that a clock can be set.
-
-        A recorder writes the messages of a topic in the order in which they come.
-        """
-        return self._goes_back() and 0 < self._steps.total < LATEST - super().end_time
-
-    def _goes_back(self) -> bool:
-        reached: dict[str, int] = {}
-        for file in self._files:
-            for topic, times in file.written_times():
-                if len(times):
-                    if times[0] < reached.get(topic, 0) or (times[1:] < times[:-1]).any():
-                        return True
-                    reached[topic] = int(times[-1])
-        return False
+        """Whether log times go back somewhere, by steps that a clock can be set."""
+        return 0 < self._steps.total < LATEST - super().end_time
 
     @property
     def start_time(self) -> int:
