@@ -48,9 +48,14 @@ def test_each_run_is_proved_when_the_clock_is_set_back(bag, tmp_path):
     assert (found.proved, found.total) == (True, verify(path).total)
 
 
-def test_a_step_of_the_clock_makes_no_difference_in_any_comparison(bag, tmp_path):
+def test_a_step_of_the_clock_is_no_difference_of_two_runs(bag, tmp_path):
     path = with_steps(bag, tmp_path / "bag", [(0.4, -50), (0.6, -5)])
     assert compare([bag, path], begin=0.0).equal_bits
+
+
+@pytest.mark.extended
+def test_a_waveform_is_rebuilt_although_the_clock_was_set_back(bag, tmp_path):
+    path = with_steps(bag, tmp_path / "bag", [(0.4, -50), (0.6, -5)])
     whole, other = (rebuild(each, tmp_path / out, 2000) for each, out in ((bag, "a"), (path, "b")))
     assert (other.count, other.missing) == (whole.count, whole.missing)
 
