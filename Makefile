@@ -73,7 +73,7 @@ test-long: ## Run what takes hours, or those of PARTS: each to its end, then the
 
 .PHONY: test-busy
 test-busy: SEED = 0
-test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test where each processor has two and a busy loop: no test may need an idle machine
+test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, two at a time for each processor and beside a busy loop: none may need an idle machine
 	@$(WITH_ENV) python tools/busy.py -- env $(EXTENDED) -n $(TWO_EACH) --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: mutants

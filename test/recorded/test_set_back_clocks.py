@@ -1,5 +1,8 @@
 """Bags that are true although the machine's clock was set while they were recorded."""
 
+from importlib import import_module
+from pathlib import Path
+
 import pytest
 from altered_bags import altered, flipped, merged, messages_of, numbered
 from forked_runs import JOURNAL
@@ -55,9 +58,12 @@ def test_a_step_of_the_clock_is_no_difference_of_two_runs(bag, tmp_path):
 
 @pytest.mark.extended
 def test_a_waveform_is_rebuilt_although_the_clock_was_set_back(bag, tmp_path):
+    parquet = import_module("pyarrow.parquet")
     path = with_steps(bag, tmp_path / "bag", [(0.4, -50), (0.6, -5)])
     whole, other = (rebuild(each, tmp_path / out, 2000) for each, out in ((bag, "a"), (path, "b")))
     assert (other.count, other.missing) == (whole.count, whole.missing)
+    first, second = (parquet.read_table(Path(each.path, each.table)) for each in (whole, other))
+    assert first.equals(second)
 
 
 def test_an_altered_message_is_named_although_the_clock_was_set_back(bag, tmp_path):

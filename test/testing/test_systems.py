@@ -100,7 +100,7 @@ def test_a_node_that_cannot_be_asked_has_some_time_and_a_warning(drill):
 
 @pytest.mark.extended
 def test_a_node_that_never_answers_is_waited_for_once(drill):
-    supervise(drill, node="caller").kill()  # a namesake that calls nothing
+    supervise(drill, node="caller").kill()  # of the same name, and calls nothing
     for limit in ("within 2 s", "within 1 s, as in a test before"):
         drill.begin(0)
         drill.with_answers(HEARTBEAT, timeout=2.0)
