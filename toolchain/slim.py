@@ -18,9 +18,14 @@ _TESTED = ("numba", "numpy", "pandas", "pyarrow", "scipy")
 
 
 def link_equal_files(folder: Path) -> None:
-    """Make files with equal content one file with several names."""
+    """Make files of libraries with equal content one file with several names.
+
+    Python's caches stay as they are: another process, which builds the messages meanwhile, writes
+    them under names that vanish. So does npm, beside the libraries.
+    """
     by_size = defaultdict[int, list[Path]](list)
-    for place, _, names in os.walk(folder):
+    for place, folders, names in os.walk(folder / "lib"):
+        folders[:] = [name for name in folders if name != "__pycache__"]
         for path in (Path(place, name) for name in names):
             if not path.is_symlink() and (size := path.stat().st_size) >= _LEAST:
                 by_size[size].append(path)
