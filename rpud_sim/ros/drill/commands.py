@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import heapq
 import math
 import threading
 import time
@@ -42,6 +43,8 @@ _FRAME = Text("frame of a command", "a name", LONGEST_NAME)
 _LONGEST_WAY = 1.0  # from the sample of a motion to the time at which it acts [s]
 _LOGGED_PER_SECOND = 10
 _MOST_RESULTS = 1000  # that wait to be published: more are counted only
+
+Received = tuple[bytes, Mapping[str, Any]]  # a message, and its times and number
 
 
 def joints_to_feed(message: JointState, prefix: str = "") -> Feed | None:
@@ -246,11 +249,44 @@ class Inbox:
             self._logger.warning("further rejections in this second are counted but not logged")
 
 
-class CommandTopic:
-    """Subscription to a topic of commands.
+class CommandTopics:
+    """Subscriptions to all topics of commands: what waits is taken in the order of its arrival.
 
-    ``now`` is the stamp of one that is given now, ``origin`` of simulation time zero [ns].
+    ``now`` is the stamp of a command that is given now, ``origin`` of simulation time zero [ns].
     """
+
+    def __init__(
+        self,
+        node: Node,
+        inbox: Inbox,
+        settings: Callable[[], Settings],
+        now: Callable[[], int],
+        origin: Callable[[], int],
+    ) -> None:
+        self._topics = [
+            CommandTopic(node, topic, inbox, settings, now, origin, self._take)
+            for topic in ALL_COMMAND_TOPICS
+        ]
+
+    def _take(self, topic: CommandTopic, first: Received) -> None:
+        """Take what waits on all topics: the executor takes one of each in a turn of its own."""
+        waiting = {each: [first] if each is topic else [] for each in self._topics}
+        count, before = 1, 0
+        # Until a look finds nothing: what has arrived on a topic after the look at it may be
+        # earlier than what is found on the next.
+        while before < count < COMMAND_QOS.depth:
+            for each, received in waiting.items():
+                received += taken(each.subscription, COMMAND_QOS.depth)
+            before, count = count, sum(map(len, waiting.values()))
+        arrivals = ([(each, *one) for one in received] for each, received in waiting.items())
+        for each, payload, information in heapq.merge(*arrivals, key=_received_at):
+            each.read(payload, information)
+        for each in self._topics:
+            each.count_discarded()
+
+
+class CommandTopic:
+    """Subscription to a topic of commands; ``take`` is called with each that the executor took."""
 
     def __init__(
         self,
@@ -260,6 +296,7 @@ class CommandTopic:
         settings: Callable[[], Settings],
         now: Callable[[], int],
         origin: Callable[[], int],
+        take: Callable[[CommandTopic, Received], object],
     ) -> None:
         self._name = topic.removeprefix("command/")
         self._type = message_class(ALL_COMMAND_TOPICS[topic])
@@ -270,24 +307,22 @@ class CommandTopic:
         self._origin = origin
         self._overwritten = 0  # as the middleware counts, without what a reader's queue drops
         self._counted = 0  # as discarded
+
         # rclpy passes the times of a message to a callback with two arguments.
-        callback: Any = self._on_message
+        def on_message(payload: bytes, information: Mapping[str, Any]) -> None:
+            take(self, (payload, information))
+
+        callback: Any = on_message
         # Raw: the middleware would drop a malformed payload without a count.
-        self._subscription = node.create_subscription(
+        self.subscription = node.create_subscription(
             *(self._type, topic, callback, COMMAND_QOS),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
         )
-        self._gaps = SequenceGaps(lambda: self._subscription.handle.get_publisher_count())
+        self._gaps = SequenceGaps(lambda: self.subscription.handle.get_publisher_count())
 
-    def _on_message(self, payload: bytes, information: Mapping[str, Any]) -> None:
-        """Take all commands that wait: the executor takes one of each topic in a turn."""
-        self._read(payload, information)
-        for payload, information in taken(self._subscription, COMMAND_QOS.depth):
-            self._read(payload, information)
-        self._count_discarded()
-
-    def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
+    def read(self, payload: bytes, information: Mapping[str, Any]) -> None:
+        """Queue a command, or reject it."""
         self._gaps.record(information["publication_sequence_number"])
         result = result_of(self._name)
         try:
@@ -326,14 +361,18 @@ class CommandTopic:
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count
-        self._count_discarded()
+        self.count_discarded()
 
-    def _count_discarded(self) -> None:
+    def count_discarded(self) -> None:
         """Count by gaps or by the middleware, whichever found more: each overlooks some."""
         found = max(self._gaps.missing, self._overwritten)
         if found > self._counted:
             self._inbox.discard(found - self._counted)
             self._counted = found
+
+
+def _received_at(received: tuple[CommandTopic, bytes, Mapping[str, Any]]) -> int:
+    return int(received[-1]["received_timestamp"])
 
 
 def arrival(information: Mapping[str, int]) -> int:

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill.commands import CommandTopic, Inbox
+from rpud_sim.ros.drill.commands import CommandTopics, Inbox
 from rpud_sim.ros.drill.health import REPORT_PERIOD, Report
 from rpud_sim.ros.drill.managed_node import (
     DrillParameters,
@@ -39,7 +39,6 @@ from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.metrics import Metrics
 from rpud_sim.simulation.plan import Beginning, Plan
-from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 NAME = "drill_node"
 _THREADS = 2  # a short request, and whatever else comes; steps have their own
@@ -75,9 +74,7 @@ class DrillNode(ManagedNode):
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._duplicates = DuplicateNodes(self)
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
-        for topic in ALL_COMMAND_TOPICS:
-            clock = (self._now, self._origin)
-            CommandTopic(self, topic, self._inbox, lambda: self.settings, *clock)
+        CommandTopics(self, self._inbox, lambda: self.settings, self._now, self._origin)
         services = DrillServices(self, self.loop, lambda: self.settings)
         offer_standard_services(self, services)
         DeliveryServer(self, self.loop)

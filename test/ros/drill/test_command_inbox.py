@@ -1,5 +1,6 @@
 """Commands are taken in order, or refused with a reason; each is counted and has its result."""
 
+import itertools
 import math
 import time
 from types import SimpleNamespace
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Drive as DriveMessage
@@ -20,7 +22,7 @@ from support import PATIENCE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import commands
 from rpud_sim.ros.drill.commands import (
-    CommandTopic,
+    CommandTopics,
     Inbox,
     joints_to_feed,
     result_of,
@@ -50,11 +52,11 @@ class Commander:
         self.inbox.opened = True
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(drill)
+        clock = (lambda: NOW, lambda: ORIGIN)
+        CommandTopics(drill, self.inbox, lambda: self.settings, *clock)
         self.publishers = {}
         for topic, name in ALL_COMMAND_TOPICS.items():
             kind = message_class(name)
-            clock = (lambda: NOW, lambda: ORIGIN)
-            CommandTopic(drill, topic, self.inbox, lambda: self.settings, *clock)
             self.publishers[kind] = client.create_publisher(kind, topic, 10)
         self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
 
@@ -90,6 +92,24 @@ def stamped(seconds):
     """Give a header whose stamp is so many seconds after now."""
     sec, nanosec = divmod(NOW + round(seconds * SECOND), SECOND)
     return Header(stamp=Time(sec=sec, nanosec=nanosec))
+
+
+@pytest.mark.parametrize("order", itertools.permutations(range(3)))
+def test_commands_that_wait_on_several_topics_act_in_the_order_of_their_arrival(commander, order):
+    messages = [
+        WeightOnBitMessage(force=20.0),
+        DriveMessage(enabled=True, voltage=60.0, frequency=17000.0),
+        MotionMessage(position=0.01),
+    ]
+    given = 2 * [messages[number] for number in order]
+    for message in given:
+        publisher = commander.publishers[type(message)]
+        publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
+    found = []
+    commander.until(lambda: commander.inbox.drain(found.append) and len(found) == len(given))
+    kinds = {WeightOnBitMessage: WeightOnBit, DriveMessage: Drive, MotionMessage: MountMotion}
+    assert [type(each) for each in found] == [kinds[type(each)] for each in given]
 
 
 def test_each_topic_takes_its_commands(commander):
