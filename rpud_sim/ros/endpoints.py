@@ -33,6 +33,7 @@ class AcknowledgedPublisher:
     depth: float  # messages that it keeps; infinite where one may be overwritten
     left: float  # messages that may follow before a wait
     late: bool = False  # whether the last wait was in vain
+    ended: bool = False  # whether that was because a subscriber had ended
 
     def acknowledged(self, seconds: float = 0.0) -> bool:
         """Wait until reliable subscribers have all messages; return whether they have."""
@@ -48,7 +49,8 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
 
     def __init__(self, longest: float, lost: Callable[[str], bool] = lambda _: False) -> None:
         super().__init__()
-        self.overwritten = Counter[str]()  # messages that a subscriber may lack, at most
+        # Messages that a subscriber may lack, at most, by topic and whether one had ended.
+        self.overwritten = Counter[tuple[str, bool]]()
         self.lost = lost
         self._longest = longest
 
@@ -73,7 +75,7 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
         publisher = self[name]
         publisher.send(message)
         if publisher.late:
-            self.overwritten[name] += 1
+            self.overwritten[name, publisher.ended] += 1
         # If its time has paced it, some of those before it may be unacknowledged all the same.
         publisher.left = publisher.left - 1 if hurried else publisher.depth / 2
         if publisher.left <= 0:
@@ -89,22 +91,26 @@ class AcknowledgedPublishers(dict[str, AcknowledgedPublisher]):
                 publisher.left = publisher.depth
 
     def _make_room(self) -> None:
-        late = {name for name, publisher in self.items() if publisher.late}
+        # Where one had ended, those that are left have not been awaited.
+        late = {name for name, each in self.items() if each.late and not each.ended}
         lacking = self.deliver(self._longest, late)
         for name, publisher in self.items():
-            publisher.late = name in lacking
+            publisher.late, publisher.ended = name in lacking, lacking.get(name, False)
 
-    def deliver(self, longest: float, late: Collection[str] = ()) -> list[str]:
+    def deliver(self, longest: float, late: Collection[str] = ()) -> dict[str, bool]:
         """Wait until reliable subscribers that run have all messages, at most ``longest`` [s].
 
-        Topics of ``late`` are not awaited. Return those where a subscriber lacks some.
+        Topics of ``late`` are not awaited. Return those where a subscriber lacks some, and whether
+        the wait was shorter because one has ended: the middleware may forget it the next moment.
         """
         deadline = time.monotonic() + longest
         while lacking := self.wait(min(_SHORT_WAIT, longest)):
-            awaited = (name for name in lacking if name not in late)
-            if time.monotonic() >= deadline or all(map(self.lost, awaited)):
-                break
-        return lacking
+            awaited = [name for name in lacking if name not in late]
+            if all(map(self.lost, awaited)):
+                return {name: name in awaited for name in lacking}
+            if time.monotonic() >= deadline:
+                return {name: name in awaited and self.lost(name) for name in lacking}
+        return {}
 
     def wait(self, seconds: float) -> list[str]:
         """Wait until reliable subscribers have all messages; return topics where some lack."""

@@ -120,12 +120,11 @@ class DrillPublishers:
         And whether all subscribers of that topic run.
         """
         lines = {}
-        for name, count in sorted(self.own.overwritten.items()):
-            lost = self.own.lost(name)
+        for (name, ended), count in sorted(self.own.overwritten.items()):
             reason = (
-                "has ended or is stopped" if lost else f"did not take them in {_LONGEST_WAIT:g} s"
+                "has ended or is stopped" if ended else f"did not take them in {_LONGEST_WAIT:g} s"
             )
-            lines[f"up to {count} messages of {name} are lost: a subscriber {reason}"] = not lost
+            lines[f"up to {count} messages of {name} are lost: a subscriber {reason}"] = not ended
         self.own.overwritten.clear()
         return lines
 

@@ -193,10 +193,9 @@ def test_the_first_pause_names_publish_clock_unless_there_is_a_clock(make, capfd
     assert lines == [1, 0]
 
 
-def test_a_step_that_could_not_deliver_says_what_a_running_subscriber_lacks(drill, monkeypatch):
+def test_a_step_that_could_not_deliver_says_what_a_running_subscriber_lacks(drill):
     step, own = drill.step(20_000_000), drill.publishers.own
-    own.overwritten.update(contact_force=7, wrench=2)
-    monkeypatch.setattr(own, "lost", lambda name: name == "wrench")
+    own.overwritten.update({("contact_force", False): 7, ("wrench", True): 2})
     drill.finish_step()
     expected = "up to 7 messages of contact_force are lost: a subscriber did not take them in 10 s"
     assert step.result().failure == expected
