@@ -48,8 +48,8 @@ class BareTimer:
     def end(self) -> dict[str, float]:
         """End it, and return what it prints."""
         self.process.send_signal(signal.SIGINT)
-        said, _ = self.process.communicate(timeout=30.0)
-        found: dict[str, float] = json.loads(said)
+        output, _ = self.process.communicate(timeout=30.0)
+        found: dict[str, float] = json.loads(output)
         return found
 
 
