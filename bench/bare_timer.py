@@ -61,9 +61,10 @@ def main(priority: int, processor: int | None = None) -> None:
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     schedule_thread(priority)
     lateness, late = DelayHistogram(), 0
+    due, ended = time.monotonic_ns(), False
     print("begun", flush=True)
-    due = time.monotonic_ns()
-    while not stop.is_set():
+    while not ended:
+        ended = stop.is_set()  # before the last wait, so that a stop up to the end is counted
         due += round(PERIOD * SECOND)
         wake.wait(max(0.0, (due - time.monotonic_ns()) / SECOND))
         delay = time.monotonic_ns() - due
