@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tools.fuzz import drill
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -21,3 +23,17 @@ def test_hostile_inputs_and_bags_are_rejected_in_one_line_and_harm_nothing():
     for way in ("simulation/step", "set_parameters", "verify", "recover", "fork"):
         inputs, refused = counts[way]
         assert 0 < refused < inputs, way
+
+
+@pytest.mark.extended
+def test_memory_that_inputs_leave_is_a_harm(monkeypatch):
+    kept, send = [], drill.Drill.send
+
+    def leaving(*args):
+        kept.append(b"." * 2**20)
+        return send(*args)
+
+    monkeypatch.setattr(drill.Drill, "send", leaving)
+    harms = [each.harms for each in drill.run(range(60), 0)]
+    assert not any(harms[:-1])
+    assert re.match(r"memory has grown by [23]\d\.\d MB", *harms[-1])
