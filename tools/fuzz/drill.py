@@ -145,9 +145,11 @@ class Drill:
         now = self.parameters()
         changed = {k: v for k, v in self._parameters.items() if repr(now.get(k)) != repr(v)}
         given = [Parameter(name, value=value) for name, value in changed.items()]
-        self.node.set_parameters_atomically(given)
+        results = [self.node.set_parameters_atomically(given)]
         self.node.loop.request(lambda live: live.act())
-        self.call("simulation/reset")
+        results += [self.call("simulation/reset")]
+        reasons = [reason for each in results if (reason := reason_of(each)) is not None]
+        assert not reasons, f"cannot be taken back: {reasons}"
         self.set_state(SimulationState.STATE_PLAYING)
 
     def held(self) -> int:
@@ -252,7 +254,10 @@ def run(numbers: Sequence[int], seed: int) -> Iterator[Outcome]:
         seconds = time.perf_counter() - began
         after = drill.state()
         if reason is None and after != before:
-            drill.restore()
+            try:
+                drill.restore()
+            except AssertionError as error:
+                harms.append(str(error))
             after = drill.state()
         elif reason is not None:
             if not reason.strip() or "\n" in reason or len(reason) > LONGEST_REASON:

@@ -224,10 +224,7 @@ class DrillServices:
         def act(session: Session) -> None:
             if time:
                 _check_own_time(session, "reset")
-            if bits & scopes.SCOPE_SPAWNED and not state:
-                session.run.apply(Clear())
-                session.report()
-            session.reset(time=time, state=state, seed=seed)
+            session.reset(time, state, bool(bits & scopes.SCOPE_SPAWNED), seed)
 
         self._loop.request(act)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 
+from rpud_sim.foundation.options import SEED_OR_NONE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.ros.drill.commands import Inbox
@@ -24,7 +25,7 @@ from rpud_sim.ros.drill.timeline import Reached, Timeline
 from rpud_sim.ros.process import robot_description
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
-from rpud_sim.simulation.changes import Configure, SetOrigin
+from rpud_sim.simulation.changes import Clear, Configure, SetOrigin
 from rpud_sim.simulation.configuration import CHANGEABLE, Settings
 from rpud_sim.simulation.plan import Beginning, Journal, Plan
 from rpud_sim.simulation.run import Run
@@ -293,19 +294,23 @@ class Session:
         else:
             self.report()
 
-    def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
+    def reset(self, time: bool, state: bool, faults: bool = False, seed: int | None = None) -> None:
         """Begin again, stamps or state or both; a fork goes back to its instant, with its seed.
 
+        Without ``state``, ``faults`` are cleared, and the next reset of the state has the seed.
         The pace stays as it is. A ParameterError changes nothing.
         """
-        if state and self._plan and seed not in (None, kept := self._plan.beginning.seed):
+        if self._plan and seed not in (None, kept := self._plan.beginning.seed):
             raise ParameterError(f"seed = {seed}: a fork keeps its seed {kept}")
-        seed = self._seed if seed is None else seed
+        seed = self._seed if seed is None else int(SEED_OR_NONE.check("seed", seed))
         pace = self.settings.real_time_factor
         settings = dataclasses.replace(self._first_settings, real_time_factor=pace)
         active, source = self.run.active, self.timeline.source
         # First what can fail, as the scenario's file may be another one by now.
         new = self._new_run(settings, seed, active) if state else None
+        if faults and not state:
+            self.run.apply(Clear())
+            self.report()
         self.timeline.interrupt("the simulation was reset")
         self._seed = seed
         self._flush()

@@ -21,9 +21,10 @@ from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.session import Session
 from rpud_sim.ros.drill.timeline import Pacer
 from rpud_sim.ros.threads import RequestError
-from rpud_sim.simulation.changes import SetOrigin
+from rpud_sim.simulation.changes import Inject, SetOrigin
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.topics import PROVED
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
@@ -356,6 +357,26 @@ def test_a_reset_that_cannot_be_leaves_the_step_that_goes_on(make, tmp_path):
     assert drill.timeline.goal == PERIOD
     drill.finish_step()
     assert step.result(0.0).stamp == drill.run.origin + PERIOD
+
+
+@pytest.mark.parametrize("time", [False, True])
+def test_a_seed_that_cannot_be_is_rejected_by_each_reset_and_the_next_one_has_another(make, time):
+    drill = make(publish_clock=True)
+    drill.run.apply(Inject(Fault("lost_preload")))
+
+    def faults():
+        return drill.run.simulation.faults.active
+
+    drill.step(PERIOD)
+    drill.finish_step()
+    for state in (False, True):
+        with pytest.raises(ParameterError, match=r"^seed = -2 is outside its range \[-1, 4\.29"):
+            drill.reset(time, state, faults=True, seed=-2)
+        assert (drill.stamp, drill.run.time, len(faults())) == (PERIOD, PERIOD, 1)
+    drill.reset(time, state=False, faults=True, seed=8)
+    assert not faults()
+    drill.reset(time, state=True)
+    assert drill.run.beginning.seed == 8
 
 
 def test_a_reset_to_a_seed_gives_the_bytes_of_a_drill_that_was_started_with_it(make):
