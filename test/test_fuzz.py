@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.drill.session import Session
 from tools.fuzz import drill
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,3 +39,13 @@ def test_memory_that_inputs_leave_is_a_harm(monkeypatch):
     harms = [each.harms for each in drill.run(range(60), 0)]
     assert not any(harms[:-1])
     assert re.match(r"memory has grown by [23]\d\.\d MB", *harms[-1])
+
+
+@pytest.mark.extended
+def test_an_input_that_cannot_be_taken_back_is_a_harm(monkeypatch):
+    def reset(*_):
+        raise ParameterError("no drill resets")
+
+    monkeypatch.setattr(Session, "reset", reset)
+    harms = [harm for each in drill.run(range(60), 0) for harm in each.harms]
+    assert "cannot be taken back: no drill resets" in harms

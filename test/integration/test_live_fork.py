@@ -96,9 +96,9 @@ def test_it_begins_at_the_instant(used):
 def test_what_follows_is_the_rest_of_the_bag_also_after_a_reset(used, source):
     bag, answers = used
     assert answers["reset"].result == Result.RESULT_OK
-    for refused in answers["reseeded"]:
-        assert refused.result == Result.RESULT_OPERATION_FAILED
-        assert refused.error_message == "seed = 8: a fork keeps its seed 7"
+    for rejected in answers["reseeded"]:
+        assert rejected.result == Result.RESULT_OPERATION_FAILED
+        assert rejected.error_message == "seed = 8: a fork keeps its seed 7"
     for topic in ("contact_force", "wrench"):
         rest, live = (
             [to_plain(m) for m in decoded(path, topic) if AT * 1e9 < stamps([m])[0] < 270e6]

@@ -140,23 +140,26 @@ class Drill:
         finally:
             self.set_state(SimulationState.STATE_PLAYING)
 
-    def restore(self) -> None:
-        """Take back what was accepted, so that every input meets the same drill."""
+    def restore(self) -> list[str]:
+        """Take back what was accepted, so that every input meets the same drill.
+
+        Return why something of it could not be taken back.
+        """
         now = self.parameters()
         changed = {k: v for k, v in self._parameters.items() if repr(now.get(k)) != repr(v)}
         given = [Parameter(name, value=value) for name, value in changed.items()]
         results = [self.node.set_parameters_atomically(given)]
         self.node.loop.request(lambda live: live.act())
         results += [self.call("simulation/reset")]
-        reasons = [reason for each in results if (reason := reason_of(each)) is not None]
-        assert not reasons, f"cannot be taken back: {reasons}"
         self.set_state(SimulationState.STATE_PLAYING)
+        reasons = [reason_of(each) for each in results]
+        return [f"cannot be taken back: {reason}" for reason in reasons if reason is not None]
 
     def held(self) -> int:
         """Memory that is in use at the start of a run [byte].
 
-        The last second of motion is kept: at the highest frequencies its segments take 100 MB. The
-        allocator may keep the pages of them, where a small thing between them is in use.
+        While it plays, a drill holds all segments of the last second. The allocator may keep their
+        pages, where something small between them is in use: these do not count.
         """
         self.restore()
         gc.collect()
@@ -254,10 +257,7 @@ def run(numbers: Sequence[int], seed: int) -> Iterator[Outcome]:
         seconds = time.perf_counter() - began
         after = drill.state()
         if reason is None and after != before:
-            try:
-                drill.restore()
-            except AssertionError as error:
-                harms.append(str(error))
+            harms += drill.restore()
             after = drill.state()
         elif reason is not None:
             if not reason.strip() or "\n" in reason or len(reason) > LONGEST_REASON:
