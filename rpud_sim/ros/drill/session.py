@@ -75,7 +75,7 @@ class Session:
             node, settings.telemetry_rate, self.publishers, inbox, duplicates
         )
         try:
-            self.run = self._new_run(settings, self._seed, active=plan is not None)
+            self.run = self._new_run(self._drawn(settings, self._seed), active=plan is not None)
             self._start_run(self.run)
         except Exception:
             self.publishers.destroy()  # or the next configuration would have each topic twice
@@ -124,7 +124,7 @@ class Session:
         self.settings = self._first_settings = settings
         self._journal = Journal()
         origin = self.run.origin
-        run = self._new_run(settings, self._seed, active=True)
+        run = self._new_run(self._drawn(settings, self._seed), active=True)
         self._start_run(run)
         self._change_parameters(run, settings)  # of a plan, set since the node was made
         self._switch(run, origin)
@@ -166,10 +166,17 @@ class Session:
         return _STANDSTILL_PERIOD
 
     def follow_clock(self) -> None:
-        """Restart where another's ``/clock`` has jumped."""
+        """Restart where another's ``/clock`` has jumped.
+
+        A jump cannot be rejected: with a scenario file that has become invalid, the faults stay.
+        """
         if jump := self.timeline.source.jumped:
             self._logger.warning(f"/clock {jump}: the drill restarts")
-            self.reset(time=True, state=True)
+            try:
+                self.reset(time=True, state=True)
+            except ParameterError as error:
+                self._logger.error(f"{error}: the drill restarts with the scenario it has")
+                self.reset(time=True, state=True, plan=Plan(self.run.beginning))
 
     def advance(self, until: int) -> tuple[list[Encoded], list[int]]:
         """Compute the block up to a time [ns]; return its messages, and the times of impacts."""
@@ -294,11 +301,19 @@ class Session:
         else:
             self.report()
 
-    def reset(self, time: bool, state: bool, faults: bool = False, seed: int | None = None) -> None:
+    def reset(
+        self,
+        time: bool,
+        state: bool,
+        faults: bool = False,
+        seed: int | None = None,
+        plan: Plan | None = None,
+    ) -> None:
         """Begin again, stamps or state or both; a fork goes back to its instant, with its seed.
 
         Without ``state``, ``faults`` are cleared, and the next reset of the state has the seed.
-        The pace stays as it is. A ParameterError changes nothing.
+        A ``plan`` replaces the one that settings and seed draw. The pace stays as it is. A
+        ParameterError changes nothing.
         """
         if self._plan and seed not in (None, kept := self._plan.beginning.seed):
             raise ParameterError(f"seed = {seed}: a fork keeps its seed {kept}")
@@ -307,7 +322,7 @@ class Session:
         settings = dataclasses.replace(self._first_settings, real_time_factor=pace)
         active, source = self.run.active, self.timeline.source
         # First what can fail, as the scenario's file may be another one by now.
-        new = self._new_run(settings, seed, active) if state else None
+        new = self._new_run(plan or self._drawn(settings, seed), active) if state else None
         if faults and not state:
             self.run.apply(Clear())
             self.report()
@@ -346,9 +361,12 @@ class Session:
         for batch in self.run.flush(ends=ends):
             self.publishers.publish([batch])
 
-    def _new_run(self, settings: Settings, seed: int | None, active: bool) -> Run:
+    def _drawn(self, settings: Settings, seed: int | None) -> Plan:
+        return self._plan or Plan(Beginning.drawn(settings, seed))
+
+    def _new_run(self, plan: Plan, active: bool) -> Run:
         return Run(
-            self._plan or Plan(Beginning.drawn(settings, seed)),
+            plan,
             self._journal,
             lambda topic: not self._computing and topic in self.publishers.wanted,
             active=active,

@@ -359,6 +359,27 @@ def test_a_reset_that_cannot_be_leaves_the_step_that_goes_on(make, tmp_path):
     assert step.result(0.0).stamp == drill.run.origin + PERIOD
 
 
+@pytest.mark.parametrize("content", ["faults: [{kind: hard_rock, onset: 1.0}]\n", None])
+def test_a_clock_that_goes_back_restarts_the_drill_whatever_became_of_its_scenario(
+    make, tmp_path, content, capfd
+):
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("faults: [{kind: lost_preload, onset: 0.0}]\n")
+    drill = make(scenario=str(scenario), publish_clock=True)
+    drill.step(PERIOD)
+    drill.finish_step()
+    begun = drill.run.beginning
+    scenario.unlink() if content is None else scenario.write_text(content)
+    drill.timeline.source.jumped = "went back"
+    drill.follow_clock()
+    assert (drill.stamp, drill.run.time, drill.timeline.source.jumped) == (0, 0, "")
+    assert drill.run.beginning == begun
+    assert "the drill restarts with the scenario it has" in capfd.readouterr().err
+    drill.step(PERIOD)
+    drill.finish_step()
+    assert len(drill.run.simulation.faults.active) == 1
+
+
 @pytest.mark.parametrize("time", [False, True])
 def test_a_seed_that_cannot_be_is_rejected_by_each_reset_and_the_next_one_has_another(make, time):
     drill = make(publish_clock=True)
