@@ -168,14 +168,15 @@ class Session:
     def follow_clock(self) -> None:
         """Restart where another's ``/clock`` has jumped.
 
-        A jump cannot be rejected: with a scenario file that has become invalid, the faults stay.
+        A jump cannot be rejected: if the scenario's file has become invalid, the run begins as
+        it last did.
         """
         if jump := self.timeline.source.jumped:
             self._logger.warning(f"/clock {jump}: the drill restarts")
             try:
                 self.reset(time=True, state=True)
             except ParameterError as error:
-                self._logger.error(f"{error}: the drill restarts with the scenario it has")
+                self._logger.error(f"{error}: the drill restarts as it last began")
                 self.reset(time=True, state=True, plan=Plan(self.run.beginning))
 
     def advance(self, until: int) -> tuple[list[Encoded], list[int]]:
@@ -332,6 +333,7 @@ class Session:
         if new is not None:
             stamp = self.stamp
             self._start_run(new)
+            self._change_parameters(new, settings)  # of a plan, whose parameters are older
             own = source.origin(new.time, new.origin) if time else stamp - new.time
             self._switch(new, own)
             self.settings = settings

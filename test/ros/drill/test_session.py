@@ -359,27 +359,6 @@ def test_a_reset_that_cannot_be_leaves_the_step_that_goes_on(make, tmp_path):
     assert step.result(0.0).stamp == drill.run.origin + PERIOD
 
 
-@pytest.mark.parametrize("content", ["faults: [{kind: hard_rock, onset: 1.0}]\n", None])
-def test_a_clock_that_goes_back_restarts_the_drill_whatever_became_of_its_scenario(
-    make, tmp_path, content, capfd
-):
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text("faults: [{kind: lost_preload, onset: 0.0}]\n")
-    drill = make(scenario=str(scenario), publish_clock=True)
-    drill.step(PERIOD)
-    drill.finish_step()
-    begun = drill.run.beginning
-    scenario.unlink() if content is None else scenario.write_text(content)
-    drill.timeline.source.jumped = "went back"
-    drill.follow_clock()
-    assert (drill.stamp, drill.run.time, drill.timeline.source.jumped) == (0, 0, "")
-    assert drill.run.beginning == begun
-    assert "the drill restarts with the scenario it has" in capfd.readouterr().err
-    drill.step(PERIOD)
-    drill.finish_step()
-    assert len(drill.run.simulation.faults.active) == 1
-
-
 @pytest.mark.parametrize("time", [False, True])
 def test_a_seed_that_cannot_be_is_rejected_by_each_reset_and_the_next_one_has_another(make, time):
     drill = make(publish_clock=True)
@@ -428,29 +407,44 @@ def test_a_reset_of_the_time_alone_goes_on_at_stamp_zero_where_the_drill_is_its_
     assert (drill.run.time, drill.stamp) == (0, PERIOD)
 
 
-def test_a_drill_that_follows_a_clock_does_not_drift_from_it_and_restarts_where_that_goes_back(
-    make,
-):
+def tell(drill, nanoseconds):
+    time = Time(nanoseconds=nanoseconds, clock_type=ClockType.ROS_TIME)
+    drill.timeline.source._clock.set_ros_time_override(time)
+
+
+def test_a_drill_that_follows_a_clock_does_not_drift_and_restarts_where_that_goes_back(make):
     drill = make(use_sim_time=True)
-    clock = drill.timeline.source._clock
-
-    def tell(nanoseconds):
-        clock.set_ros_time_override(Time(nanoseconds=nanoseconds, clock_type=ClockType.ROS_TIME))
-
-    tell(7 * SECOND)
+    tell(drill, 7 * SECOND)
     drill.start_time(threading.Event(), lambda: None)
     timeline = drill.timeline
     assert (timeline.source.follows, timeline.playing, drill.stamp) == (True, True, 7 * SECOND)
-    tell(7 * SECOND + PERIOD // 2)
+    tell(drill, 7 * SECOND + PERIOD // 2)
     drill.configure(dataclasses.replace(drill.settings, real_time_factor=0.5))
     assert drill.timeline.pacer.remaining(PERIOD) == pytest.approx(PERIOD / 2 / SECOND)
-    tell(7 * SECOND + PERIOD)
+    tell(drill, 7 * SECOND + PERIOD)
     assert (take_turn(drill), drill.run.time) == (0.0, PERIOD)
     # What comes while the clock stands acts before its next tick.
     drill.command(20.0)
-    tell(7 * SECOND + 2 * PERIOD)
+    tell(drill, 7 * SECOND + 2 * PERIOD)
     assert (take_turn(drill), drill.run.time) == (0.0, 2 * PERIOD)
     assert (drill.weight_on_bit, drill.run.simulation.applied.weight_on_bit_time) == (20.0, PERIOD)
-    tell(3 * SECOND)
+    tell(drill, 3 * SECOND)
     take_turn(drill)
     assert (drill.run.time, drill.stamp) == (0, 3 * SECOND)
+
+
+@pytest.mark.parametrize("content", ["faults: [{kind: hard_rock, onset: 1.0}]\n", None])
+def test_it_restarts_there_whatever_became_of_its_scenario(make, tmp_path, content, capfd):
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("faults: [{kind: lost_preload, onset: 0.0}]\n")
+    drill = make(use_sim_time=True, scenario=str(scenario))
+    tell(drill, 7 * SECOND)
+    drill.start_time(threading.Event(), lambda: None)
+    drill.configure(dataclasses.replace(drill.settings, real_time_factor=0.5))
+    begun = drill.run.beginning
+    scenario.unlink() if content is None else scenario.write_text(content)
+    tell(drill, 3 * SECOND)
+    take_turn(drill)
+    assert (drill.run.beginning, drill.run.time, drill.stamp) == (begun, 0, 3 * SECOND)
+    assert drill.run.settings == drill.settings
+    assert "the drill restarts as it last began" in capfd.readouterr().err
