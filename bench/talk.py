@@ -9,6 +9,7 @@ import struct
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,8 @@ class Hearing:
     def __init__(self, node: Node) -> None:
         kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
         self.messages = dict.fromkeys(kinds, 0)
-        self.gaps = {name: SequenceGaps(lambda: 1) for name in kinds}
+        # Others publish /diagnostics, too.
+        self.gaps = {name: SequenceGaps(partial(node.count_publishers, name)) for name in kinds}
         self.bytes = 0
         self.delays = DelayHistogram()  # of impacts, from the stamp to the arrival
         self.soonest: tuple[int, int] | None = None  # stamp and monotonic arrival of a nodal plane

@@ -14,7 +14,6 @@ from rpud_sim.simulation.configuration import Settings
 
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
 LAST_RESPONSE = 1.0  # for a response to arrive before the process ends [s]
-_ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
 
 def take_turn(session: Session) -> float:
@@ -105,7 +104,7 @@ class PacingLoop:
         if self._thread is not None:
             self._thread.join()
         if self.session is not None:
-            self.session.publishers.own.deliver(_ACKNOWLEDGEMENT)
+            self.session.deliver()
 
     def clean_up(self) -> None:
         """Stop, and give up the session."""

@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_sim.messages.batch import Batch, rows_of
 from rpud_sim.messages.encoder import Encoder
 from rpud_sim.ros.drill.drawn_order import ShuffledOrder
-from rpud_sim.ros.endpoints import AcknowledgedPublishers
+from rpud_sim.ros.endpoints import LAST_WAIT, AcknowledgedPublishers
 from rpud_sim.ros.graph import has_lost_subscriber, members_of, message_class
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.plan import STRATA_REACH
@@ -127,6 +127,16 @@ class DrillPublishers:
             lines[f"up to {count} messages of {name} are lost: a subscriber {reason}"] = not ended
         self.own.overwritten.clear()
         return lines
+
+    def deliver(self) -> list[str]:
+        """Wait until running subscribers have all messages; return lines on what one may lack."""
+        lacking = self.own.deliver(LAST_WAIT)
+        return [
+            f"the last messages of {name} may be lost: a subscriber did not take them in "
+            f"{LAST_WAIT:g} s"
+            for name, ended in sorted(lacking.items())
+            if not ended
+        ]
 
     def look(self) -> None:
         """Find the topics to publish: those that have had a subscriber since the run began.

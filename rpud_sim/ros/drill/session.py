@@ -151,6 +151,11 @@ class Session:
         self.reporter.end_period()
         self.report("stopped")
 
+    def deliver(self) -> None:
+        """Wait until running subscribers have the last messages; log what one may lack."""
+        for line in self.publishers.deliver():
+            self._logger.warning(line)
+
     def close(self) -> None:
         """Stop listening to the clock, and destroy the publishers."""
         self.timeline.source.close()

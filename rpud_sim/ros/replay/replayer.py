@@ -28,7 +28,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.messages.cdr import Codec, foreign_encoding
 from rpud_sim.messages.columns import to_plain
 from rpud_sim.messages.definitions import find_type_hash
-from rpud_sim.ros.endpoints import AcknowledgedPublishers
+from rpud_sim.ros.endpoints import LAST_WAIT, AcknowledgedPublishers
 from rpud_sim.ros.graph import (
     CLOCK,
     ClockSources,
@@ -47,7 +47,6 @@ _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
 _FIRST_WINDOW = 10 * SECOND  # before a position, in which latched messages are looked for [ns]
 _LOOK_PERIOD = 1.0  # between looks at the publishers of /clock [s]
-_ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
 MakeBar = Callable[..., Any]
 """Maker of a progress bar: a ``tqdm`` with a ``title`` and a ``total`` in seconds."""
 # Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more.
@@ -366,7 +365,7 @@ def _replay(
             playback.stop()
         playing.result()
         if not stop.requested:
-            for name in node.topics.wait(_ACKNOWLEDGEMENT_TIME):
+            for name in node.topics.wait(LAST_WAIT):
                 node.warn(f"a subscriber of {name} has not confirmed all messages")
             # Best-effort messages have no acknowledgement, and may still be on their way; whoever
             # asks now learns that the replay has ended.

@@ -1,20 +1,33 @@
 """One thread moves the drill, and serves requests between two blocks until it ends."""
 
+import re
+import signal
+import sys
 import threading
 from types import SimpleNamespace
 
 import pytest
+from rpud_msgs.msg import Status
 from support import PATIENCE, until
 
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.session import Session
+from rpud_sim.ros.endpoints import LAST_WAIT
 from rpud_sim.ros.threads import RequestError
 from rpud_sim.simulation.configuration import Settings
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 SECOND = 1_000_000_000
 PERIOD = SECOND // 100
+LISTENER = """
+import rclpy
+from rpud_msgs.msg import Status
+rclpy.init()
+node = rclpy.create_node("listener", namespace="/rpud")
+node.create_subscription(Status, "status", lambda m: print("state", m.state, flush=True), 10)
+rclpy.spin(node)
+"""
 
 
 @pytest.fixture
@@ -52,6 +65,26 @@ def test_it_ends_where_the_simulation_ends_and_refuses_what_comes_later(start, f
     assert (loop.failure, session.run.time) == (None, 5 * PERIOD)
     with pytest.raises(RequestError, match="the drill has stopped"):
         loop.request(lambda session: None)
+
+
+@pytest.mark.parametrize("held_for", [1.5, LAST_WAIT + 1.0])
+def test_its_end_awaits_a_subscriber_that_the_machine_holds_up_or_names_what_it_may_lack(
+    start, process, capfd, held_for
+):
+    loop, session = start()
+    listener = process(sys.executable, "-c", LISTENER)
+    listener.wait_for_line(f"state {Status.STATE_RUNNING}")
+    session.publishers.own.lost = lambda name: False  # it counts as running all the same
+    listener.send(signal.SIGSTOP)
+    releaser = threading.Timer(held_for, listener.send, [signal.SIGCONT])
+    releaser.start()
+    loop.stop()
+    lines = re.findall(
+        r"the last messages of (\w+) may be lost: a subscriber", capfd.readouterr().err
+    )
+    assert lines == ([] if held_for < LAST_WAIT else ["status"])
+    listener.wait_for_line(f"state {Status.STATE_STOPPED}")
+    releaser.join()
 
 
 @pytest.mark.parametrize("factor", [0.01, 1.0])
