@@ -84,6 +84,19 @@ def drill_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(autouse=True)
+def time_sharing() -> Iterator[None]:
+    """Fail a test that leaves this thread with a real-time priority: it has a processor to itself.
+
+    Every later test of the process would have it, and beside it other tests would wait for seconds.
+    """
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    yield
+    after = os.sched_getscheduler(0), os.sched_getparam(0)
+    os.sched_setscheduler(0, *before)
+    assert after == before
+
+
 @pytest.fixture
 def process() -> Iterator[Callable[..., Process]]:
     """Start real processes, as in `process("rpud", "run")`; the end of the test stops them."""

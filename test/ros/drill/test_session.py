@@ -111,7 +111,7 @@ def make(nodes, monkeypatch):
         overrides = [Parameter("use_sim_time", value=use_sim_time)]
         node = rclpy.create_node("drill_node", namespace="/rpud", parameter_overrides=overrides)
         nodes.append(node)
-        made.append(Drill(node, Settings(**values)))
+        made.append(Drill(node, Settings(thread_priority=0, **values)))
         return made[-1]
 
     yield create
