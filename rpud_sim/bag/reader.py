@@ -130,7 +130,7 @@ class BagReader:
         found = (chunk for file in self._files for chunk in file.chunks())
         return sorted(found, key=lambda chunk: chunk.start_time)
 
-    def written_times(self) -> Iterator[tuple[str, np.ndarray]]:
+    def _written_times(self) -> Iterator[tuple[str, np.ndarray]]:
         """Yield topics with log times [ns] in the order of the files."""
         for file in self._files:
             yield from file.written_times()

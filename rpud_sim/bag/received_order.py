@@ -42,7 +42,7 @@ def open_received(path: str | os.PathLike[str]) -> BagReader:
 def _goes_back(bag: BagReader) -> bool:
     """Whether log times of a topic go back: a recorder writes its messages as they come."""
     reached: dict[str, int] = {}
-    for topic, times in bag.written_times():
+    for topic, times in bag._written_times():
         if len(times):
             if times[0] < reached.get(topic, 0) or (times[1:] < times[:-1]).any():
                 return True
