@@ -4,16 +4,17 @@ import re
 import signal
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
 from rpud_msgs.msg import Status
 from support import PATIENCE, until
 
+from rpud_sim.ros.drill import publishers
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.session import Session
-from rpud_sim.ros.endpoints import LAST_WAIT
 from rpud_sim.ros.threads import RequestError
 from rpud_sim.simulation.configuration import Settings
 
@@ -67,24 +68,27 @@ def test_it_ends_where_the_simulation_ends_and_refuses_what_comes_later(start, f
         loop.request(lambda session: None)
 
 
-@pytest.mark.parametrize("held_for", [1.5, LAST_WAIT + 1.0])
+@pytest.mark.parametrize(("longest", "lacking"), [(60.0, []), (0.2, ["status"])])
 def test_its_end_awaits_a_subscriber_that_the_machine_holds_up_or_names_what_it_may_lack(
-    start, process, capfd, held_for
+    start, process, capfd, monkeypatch, longest, lacking
 ):
+    monkeypatch.setattr(publishers, "LAST_WAIT", longest)
     loop, session = start()
     listener = process(sys.executable, "-c", LISTENER)
     listener.wait_for_line(f"state {Status.STATE_RUNNING}")
     session.publishers.own.lost = lambda name: False  # it counts as running all the same
     listener.send(signal.SIGSTOP)
-    releaser = threading.Timer(held_for, listener.send, [signal.SIGCONT])
-    releaser.start()
-    loop.stop()
-    lines = re.findall(
-        r"the last messages of (\w+) may be lost: a subscriber", capfd.readouterr().err
-    )
-    assert lines == ([] if held_for < LAST_WAIT else ["status"])
+    with ThreadPoolExecutor(1) as pool:
+        ending = pool.submit(loop.stop)
+        if not lacking:
+            until(lambda: session.reporter.last.status["state"] == Status.STATE_STOPPED)
+            listener.send(signal.SIGCONT)
+        ending.result()
+    log = capfd.readouterr().err
+    named = re.findall(r"the last messages of (\w+) may be lost: a subscriber did not", log)
+    assert named == lacking
+    listener.send(signal.SIGCONT)
     listener.wait_for_line(f"state {Status.STATE_STOPPED}")
-    releaser.join()
 
 
 @pytest.mark.parametrize("factor", [0.01, 1.0])
