@@ -19,7 +19,7 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
-# That running subscribers have to take the last messages: ``launch`` kills after 5 s [s].
+# That running subscribers have to take the last messages [s]: `launch` sends SIGTERM after 5 s.
 LAST_WAIT = 4.0
 _SHORT_WAIT = 0.05  # for acknowledgements, between looks at who lacks them [s]
 _SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
