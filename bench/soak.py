@@ -6,6 +6,7 @@ import contextlib
 import os
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.stats import linregress, theilslopes
@@ -34,9 +35,12 @@ def soak(seconds: float = SECONDS) -> Iterator[Row]:
             times.append(time.monotonic())
             sizes.append(talk.memory())
             pairs += [talk.hearing.soonest] if talk.hearing.soonest else []
-        values, code = talk.diagnostics(), talk.end()
-        # Last, as nobody takes messages meanwhile: a timer may wait long for its own processor.
-        bare = max(each.end()[LATE] for each in timers)
+        values = talk.diagnostics()
+        # Messages are taken meanwhile: a timer may wait long for its own processor.
+        with ThreadPoolExecutor() as pool:
+            ended = pool.map(lambda each: each.end(), timers)
+            code = talk.end()
+        bare = max(each[LATE] for each in ended)
     what = "soak: growth of memory in the second half"
     yield row(what, growth(times, sizes), "KiB", most=_GROWTH)
     apart = 1e6 * (pace(pairs) - 1.0)

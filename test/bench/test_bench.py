@@ -4,16 +4,20 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support import PATIENCE
 
+from bench import soak
 from bench.bare_timer import LATE, PERIOD, BareTimer
 from bench.compare import ratio, verdict
 from bench.soak import growth, pace
 from bench.table import row, table
+from bench.talk import Talk
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = np.arange(1801.0)
@@ -91,3 +95,25 @@ def test_a_short_soak_runs_and_cannot_tell_the_growth_of_memory():
     assert met == dict.fromkeys(met, "yes"), done.stdout
     assert len(met) == 5
     assert done.returncode == 1
+
+
+@pytest.mark.extended
+def test_a_soak_takes_messages_until_the_drill_has_ended_however_long_its_timers_take(monkeypatch):
+    drill_ended = threading.Event()
+
+    class SlowTimer(BareTimer):
+        def end(self):
+            assert drill_ended.wait(PATIENCE)
+            return super().end()
+
+    class EndingTalk(Talk):
+        def end(self):
+            code = super().end()
+            drill_ended.set()
+            return code
+
+    monkeypatch.setattr(soak, "BareTimer", SlowTimer)
+    monkeypatch.setattr(soak, "Talk", EndingTalk)
+    missed = [each.name for each in soak.soak(1.0) if each.missed]
+    assert "soak: growth of memory in the second half" in missed
+    assert "soak: impacts not received" not in missed
