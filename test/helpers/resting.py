@@ -26,6 +26,7 @@ class Resting(Node):
         self.how = how
         self.over = Future()
         self.first = ""
+        self.unanswered = []  # headers
         self.weight = self.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
         self.answers = self.create_publisher(Header, "resting/answer", 10)
         self.state = self.create_publisher(String, "resting/state", LATCHED)
@@ -37,12 +38,20 @@ class Resting(Node):
 
     def on_impact(self, message):
         self.first = self.first or str(message.sequence)
+        self.answer()
         time.sleep(0.002)
 
     def on_force(self, message):
         if message.header.stamp.nanosec % 100_000_000 == 0:
-            self.weight.publish(WeightOnBit(header=message.header, force=9.0))
-            self.answers.publish(Header(stamp=message.header.stamp, frame_id=self.first))
+            self.unanswered.append(message.header)
+            self.answer()
+
+    def answer(self):
+        """Answer once it has an impact: messages of the other topic may arrive first."""
+        while self.first and self.unanswered:
+            header = self.unanswered.pop(0)
+            self.weight.publish(WeightOnBit(header=header, force=9.0))
+            self.answers.publish(Header(stamp=header.stamp, frame_id=self.first))
 
     def on_leave(self, request, response):
         if self.how != "stays":
